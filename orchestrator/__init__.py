@@ -9,8 +9,8 @@ From Python, a problem is a configuration, and its solution an object:
 ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
 ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
 ...     "materials": [{"young": 200e3, "poisson": 0.3}],
-...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
-...     "traction": [0, 0, 1]}]})
+...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+...                  {"on": "xmax", "traction": [0, 0, 1]}]})
 >>> orchestrator.solve(config)
 Solution(bar: converged after 8 iterations, error bound ...e-07)
 

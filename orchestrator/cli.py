@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from orchestrator.config.model import Config
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, epilog=(
-    "A first run: orchestrator init my.yaml, orchestrator check my.yaml, orchestrator run my.yaml. Of a command's options: COMMAND --help."))
+    "A first run: orchestrator init my.yaml, orchestrator check my.yaml, orchestrator run "
+    "my.yaml. Of a command's options: COMMAND --help."))
 # what commands are listed under
 BEGIN, SOLVE, RESULTS, REST = "To begin", "To solve", "Results", "Installation, codes of your own, studies"
 
@@ -32,13 +33,15 @@ def _version(asked: bool) -> None:
 
 
 @app.callback()
-def every_command(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
+def every_command(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
                                                         help="print the version and end")] = False) -> None:
     """Multiscale domain decomposition around an untouched finite element code."""
 
 
 def command(panel: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
-    """A command, listed under ``panel``, that ends with the exit code it returns, 0 for None, or as its error says.
+    """A command, listed under ``panel``, that ends with the exit code it returns, 0 for None, or as
+    its error says.
 
     What solves nothing and is about files, the first of several ranks does alone.
     """
@@ -58,26 +61,39 @@ def command(panel: str) -> Callable[[Callable[..., int | None]], Callable[..., i
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
-    "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
+    "--set", metavar="KEY=VALUE",
+    help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
 RunPrograms = Annotated[bool, typer.Option(
-    "--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
+    "--run-programs",
+    help="run the programs, interpreters and forms that CONFIG names, as run does")]
 
 
 @command(BEGIN)
 def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...", help=(
-             "the YAML file to write, none: called as the first of the others; then mesh, STEP and BREP files, none: a beam"))],
-         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files; none: by thickness and curvature")] = None
+             "the YAML file to write, none: called as the first of the others; then mesh, STEP "
+             "and BREP files, none: a beam"))],
+         h: Annotated[Optional[float],
+                      typer.Option(
+                          help="element size for STEP and BREP files; none: by thickness and "
+                               "curvature")] = None
          ) -> int | None:
-    """Write a commented configuration to begin with: names, pairs and bolts of the files filled in."""
+    """Write a commented configuration to begin with: names, pairs and bolts of the files filled
+    in.
+    """
     from orchestrator.begin import begin
 
     named = files[0].suffix.lower() in (".yaml", ".yml")
-    print(visible("\n".join(begin(files[0] if named else Path(f"{files[0].stem}.yaml".removeprefix("gmsh:")), files[named:], h))))
+    print(
+        visible(
+            "\n".join(
+                begin(files[0] if named else Path(f"{files[0].stem}.yaml".removeprefix("gmsh:")),
+                      files[named:], h))))
 
 
 @command(BEGIN)
 def check(config: ConfigFile, overrides: Overrides = None,
-          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
+          syntax_only: Annotated[bool,
+                                 typer.Option("--syntax-only", help="stop before meshing")] = False,
           run_programs: RunPrograms = False) -> int | None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     from orchestrator.config.load import asked_of
@@ -93,10 +109,16 @@ def check(config: ConfigFile, overrides: Overrides = None,
 
 
 @command(BEGIN)
-def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
-            overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
+def inspect(
+    source: Annotated[Path,
+                      typer.Argument(metavar="CONFIG|FILE",
+                                     help="a YAML file, or a mesh, STEP or BREP file")],
+            overrides: Overrides = None,
+    h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
             run_programs: RunPrograms = False) -> int | None:
-    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
+    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance
+    and sides.
+    """
     from orchestrator.config.load import asked_of
     from orchestrator.inspect import inspected, listed
 
@@ -109,44 +131,70 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
 
 @command(SOLVE)
 def run(config: ConfigFile, overrides: Overrides = None,
-        output: Annotated[Optional[Path], typer.Option(help="results folder, instead of the one in CONFIG")] = None,
-        resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in the results folder")] = False,
-        reference: Annotated[bool, typer.Option("--reference", help="also solve undecomposed; report the true error")] = False,
+        output: Annotated[Optional[Path],
+                          typer.Option(help="results folder, instead of the one in CONFIG")] = None,
+        resume: Annotated[bool,
+                          typer.Option("--resume",
+                                       help="go on from the checkpoint in the results folder")] = False,
+        reference: Annotated[bool,
+                             typer.Option("--reference",
+                                          help="also solve undecomposed; report the true error")] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False,
-        verbose: Annotated[bool, typer.Option("--verbose", help="print all of the summary, not only what most look for")] = False,
+        verbose: Annotated[bool,
+                           typer.Option("--verbose",
+                                        help="print all of the summary, not only what most look for")] = False,
         ) -> int | None:
     """Solve a problem and write its results."""
     from orchestrator.launch import launch
 
-    return launch(config, overrides or [], verbose, output=output, resume=resume, reference=reference, quiet=quiet)
+    return launch(config, overrides or [], verbose, output=output, resume=resume,
+                  reference=reference, quiet=quiet)
 
 
 @command(SOLVE)
 def sweep(config: ConfigFile,
           vary: Annotated[Optional[list[str]], typer.Option(
-              metavar="KEY=VALUE,VALUE", help="what to vary, such as bolts.0.force=5e3,1e4; bolts.*.force varies all together "
-              "(repeatable: every combination)")] = None,
-          zipped: Annotated[bool, typer.Option("--zip", help="several --vary: first values together, then second ones")] = False,
+              metavar="KEY=VALUE,VALUE",
+              help="what to vary, such as bolts.0.force=5e3,1e4; bolts.*.force varies all together "
+                   "(repeatable: every combination)")] = None,
+          zipped: Annotated[bool,
+                            typer.Option("--zip",
+                                         help="several --vary: first values together, then second "
+                                         "ones")] = False,
           overrides: Overrides = None,
-          output: Annotated[Optional[Path], typer.Option(help="its folder, instead of results/NAME_sweep")] = None,
-          resume: Annotated[bool, typer.Option("--resume", help="run no variant again that the folder has")] = False,
-          figures: Annotated[bool, typer.Option("--figures", help="draw every variant, not only the table")] = False,
-          quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
-    """Run a configuration with different values: a table, a picture, and a results folder for each."""
+          output: Annotated[Optional[Path],
+                            typer.Option(help="its folder, instead of results/NAME_sweep")] = None,
+          resume: Annotated[bool,
+                            typer.Option("--resume",
+                                         help="run no variant again that the folder has")] = False,
+          figures: Annotated[bool,
+                             typer.Option("--figures",
+                                          help="draw every variant, not only the table")] = False,
+          quiet: Annotated[bool,
+                           typer.Option("--quiet",
+                                        help="print nothing but errors")] = False) -> int | None:
+    """Run a configuration with different values: a table, a picture, and a results folder for
+    each.
+    """
     from orchestrator.parallel.team import join
     from orchestrator.sweep.variants import variants_of
 
     if join().size > 1:
-        raise wrong((), "a sweep on several ranks", "one process: a sweep runs its variants one after the other",
-                    "start it without mpiexec; or each variant by itself, mpiexec orchestrator run … --set …")
+        raise wrong((), "a sweep on several ranks",
+                    "one process: a sweep runs its variants one after the other",
+                    "start it without mpiexec; or each variant by itself, mpiexec orchestrator "
+                    "run … --set …")
     variants = variants_of(vary or [], zipped)
     from orchestrator.sweep.sweep import Sweep
 
-    return Sweep(config, overrides or [], variants, output or Path("results") / f"{config.stem}_sweep", figures, quiet).run(resume)
+    return Sweep(config, overrides or [], variants,
+                 output or Path("results") / f"{config.stem}_sweep", figures, quiet).run(resume)
 
 
 @command(RESULTS)
-def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> int | None:
+def report(
+    directory: Annotated[Path,
+                         typer.Argument(metavar="DIR", help="a results folder")]) -> int | None:
     """Draw the figures and a readable report from a results folder."""
     from orchestrator.results.report.report import report as write
 
@@ -156,7 +204,9 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
 @command(RESULTS)
 def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results folder")],
             other: Annotated[Path, typer.Argument(metavar="B", help="another one")]) -> int | None:
-    """Show two results side by side; exit code 0 where they are equal to within the errors they tell, else 1."""
+    """Show two results side by side; exit code 0 where they are equal to within the errors they
+    tell, else 1.
+    """
     from orchestrator.results.compare import compare as compared
 
     found = compared(one, other)
@@ -166,19 +216,29 @@ def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results fol
 
 @command(REST)
 def doctor() -> int | None:
-    """Tell whether all that runs need is installed (else exit code 2), and which other codes and packages are there."""
+    """Tell whether all that runs need is installed (else exit code 2), and which other codes and
+    packages are there.
+    """
     from orchestrator.blackbox.start import doctor as codes
     from orchestrator.doctor import examine
 
-    lines = codes() + examine()  # with it all loops of contact are compiled, so that nobody's first run has to
+    # with it all loops of contact are compiled, so that nobody's first run has to
+    lines = codes() + examine()
     print("\n".join(lines))
     return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 
 
 @command(REST)
-def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '.join(CODES)}, or your own: solver.py")],
-                transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
-                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> int | None:
+def conformance(
+    code: Annotated[str,
+                    typer.Argument(metavar="CODE",
+                                   help=f"{', '.join(CODES)}, or your own: solver.py")],
+                transport: Annotated[Optional[str],
+                                     typer.Option(
+                                         help="pipe or file; default: all the code has")] = None,
+                timeout: Annotated[float,
+                                   typer.Option(
+                                       help="seconds one answer may take")] = 60.0) -> int | None:
     """Run a code against the black box protocol: is it fit to take part?"""
     from orchestrator.blackbox.trial.trial import try_out
 
@@ -186,7 +246,10 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
 
 
 @command(REST)
-def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
+def schema(
+    keys: Annotated[bool,
+                    typer.Option("--keys",
+                                 help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
     """Print the JSON schema of configurations, for editors that complete and check as one types."""
     if keys:
         from orchestrator.config.reference import reference as write
@@ -197,11 +260,17 @@ def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its
 
 
 @command(REST)
-def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
+def study(
+    name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
           overrides: Annotated[Optional[list[str]], typer.Option(
-              "--set", metavar="KEY=VALUE", help="change a setting of the study, if it has any (repeatable)")] = None,
-          output: Annotated[Optional[Path], typer.Option(help="its folder, instead of results/studies/NAME")] = None,
-          resume: Annotated[bool, typer.Option("--resume", help="repeat no run that the folder has")] = False) -> int | None:
+              "--set", metavar="KEY=VALUE",
+              help="change a setting of the study, if it has any (repeatable)")] = None,
+          output: Annotated[Optional[Path],
+                            typer.Option(
+                                help="its folder, instead of results/studies/NAME")] = None,
+          resume: Annotated[bool,
+                            typer.Option("--resume",
+                                         help="repeat no run that the folder has")] = False) -> int | None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
     _find_benchmarks()
     from benchmarks.registry import STUDIES, run_study
@@ -215,11 +284,14 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
         return None
     from orchestrator.config.explain import nearest
 
-    raise wrong((), f"study '{name}'", "one of\n" + listing, nearest(name, list(STUDIES), otherwise="take one of these"))
+    raise wrong((), f"study '{name}'", "one of\n" + listing,
+                nearest(name, list(STUDIES), otherwise="take one of these"))
 
 
 def _find_benchmarks() -> None:
-    """Let the folder ``benchmarks`` beside this package be imported; InputError where there is none, as in a wheel."""
+    """Let the folder ``benchmarks`` beside this package be imported; InputError where there is
+    none, as in a wheel.
+    """
     clone = Path(__file__).resolve().parents[1]
     if not (clone / "benchmarks" / "registry.py").is_file():
         raise wrong((), "a study in an installation without the folder benchmarks",

@@ -1,4 +1,6 @@
-"""One solution of a scene, on one rank or several: hand out parts, set them up, iterate, deliver, summarise."""
+"""One solution of a scene, on one rank or several: hand out parts, set them up, iterate, deliver,
+summarise.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,8 @@ class Solving:
         team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
         self.whole = None if scene is None else with_own_loads(scene, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
-        self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size))
+        self.rank_of: np.ndarray = team.share(None if team.rank
+                                              else ranks_of(self.whole, team.size))
 
     def solution(self) -> Solution | None:
         """Return the solution on rank 0, None elsewhere."""
@@ -88,8 +91,10 @@ class Solving:
         if wanted or self.config.output.fields:
             with watch("bound"):
                 found = self.estimate.estimator(delivered.continuous)
-            delivered, fields = replace(delivered, discretisation=found), fields.with_error(found.cells)
-        summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
+            delivered, fields = replace(delivered,
+                                        discretisation=found), fields.with_error(found.cells)
+        summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent,
+                            watch)
         with watch("output"):
             return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact)
 
@@ -100,9 +105,12 @@ class Solving:
             return solve_reference(self.whole, whole)
 
     def _part_solved(self, part: RankPart) -> tuple[Delivered, float, list[Spent] | None]:
-        """Return what this rank's part delivers, back-substitutions in set-up, and on rank 0 what all have spent."""
+        """Return what this rank's part delivers, back-substitutions in set-up, and on rank 0 what
+        all have spent.
+        """
         team, method, watch, savings = self.ranks.team, self.config.method, self.watch, Savings()
-        placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)
+        placement, workers = Placement.of(part.scene, self.rank_of,
+                                          team), max(code.workers for code in self.codes)
         if team.rank == 0:
             savings.add(self.cases.switch, "load steps", self.cases.left_out)
         with watch("soles"):
@@ -111,7 +119,8 @@ class Solving:
         check_iterations(len(self.cases.chosen), part.scene.bonded, method,
                          part.scene.remembers or any(i.law.follows for i in part.scene.interfaces))
         with watch("start"):
-            blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
+            blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip,
+                                    workers, len(self.cases.chosen), savings)
         self.told.working(blackbox.usage)
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
@@ -121,7 +130,8 @@ class Solving:
             trim()
             workload.end("set_up")
             chosen = self.cases.part_of(d)
-            true_error = TrueError(chosen, self.whole, self.cases, self.exact, watch) if self.reference else None
+            true_error = TrueError(chosen, self.whole, self.cases, self.exact,
+                                   watch) if self.reference else None
             iterated = self._iterated(chosen, {"true_error": true_error, "estimate": self.estimate})
             if d.all_perfect and team.rank == 0:
                 savings.add("bound", "evaluations of the bound's second part",
@@ -130,14 +140,17 @@ class Solving:
             trim()
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
-                iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
+                # under the pseudo-loads that matter has by now
+                iterated = replace(iterated, bound=d.bounded(iterated.fields))
             delivered = deliver(d, chosen, self.cases, iterated, watch, self.forces)
-            spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
+            spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers,
+                                         savings,
                                          true_error.asked if true_error else 0.0))
         return delivered, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """Iterate from where the run begins; ``monitors``: what some of them are given."""
         told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
-        return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
+        return iterate(chosen, self.config.method, [told], self.watch,
+                       Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)

@@ -86,8 +86,9 @@ class Proposal:
     def presses(self) -> list[str]:
         """Entries for shafts that are a little thicker than their holes, threads apart."""
         held = [fit.volumes for fit in self.threads]
-        return [f"  - {{between: {self._pair(fit)}, law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}"
-                "   # EDIT: the friction of a press fit\n" for fit in self.fits
+        return [f"  - {{between: {self._pair(fit)}, law: contact, friction: {FRICTION:g}, gap: "
+                f"{fit.clearance:.3g}}}   # EDIT: the friction of a press "
+                "fit\n" for fit in self.fits
                 if -fit.clearance > DRAWN * fit.shaft.radius and not fit.overlaps and fit.volumes not in held]
 
     def _pair(self, fit: Fit) -> str:

@@ -51,14 +51,15 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
     ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
     ...     "materials": [{"young": 200e3, "poisson": 0.0}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
-    ...     "traction": [10, 0, 0]}]})
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "xmax", "traction": [10, 0, 0]}]})
     >>> solution = solve(config, reference=True)
     >>> solution.converged, solution.summary["true_error"] <= solution.error_bound <= 1e-6
     (True, True)
     >>> solution.displacement.shape    # load steps, nodes, components
     (1, 81, 3)
-    >>> print(f"{solution.displacement[0, :, 0].max():.7f}, held by {solution.reactions[0, 0, 0]:.6f}")
+    >>> moved, held = solution.displacement[0, :, 0].max(), solution.reactions[0, 0, 0]
+    >>> print(f"{moved:.7f}, held by {held:.6f}")
     0.0002000, held by -10.000000
     """
     watch = watch or Stopwatch()

@@ -1,8 +1,10 @@
 """Guard around a code: its matrices and its fields must be those of the matter that it was given.
 
-- a stiffness K is symmetric, vanishes on rigid motions, and answers the uniform strains with the forces of the model's
+- a stiffness K is symmetric, vanishes on rigid motions, and answers the uniform strains with the
+forces of the model's
   mesh and moduli, node by node (the patch test), which is their exact energy too;
-- displacements u under forces f hold K u = f on all free dofs, with K u from the mesh and the moduli.
+- displacements u under forces f hold K u = f on all free dofs, with K u from the mesh and the
+moduli.
 
 Where a code's matter is its own, what is known of the stiffness is symmetry and rigid motions
 alone; that its answers fit its stiffness is then tested by its own server.
@@ -23,8 +25,10 @@ from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.mesh.geometry import format_point
 
-# Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
-# and by hand, below 1e-13 through CalculiX, whose decks have 14 digits. Answers of six digits stay below 1e-5; what
+# Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through
+# FreeFEM, scikit-fem
+# and by hand, below 1e-13 through CalculiX, whose decks have 14 digits. Answers of six digits stay
+# below 1e-5; what
 # that leaves of a result is part of its bound.
 PATCH, BALANCED = 1e-8, 1e-5
 DIGITS = 1e-13  # of coordinates, in decks
@@ -44,31 +48,41 @@ class GuardedCode(BlackBox):
         self.codes, self._models = codes, []
 
     def load(self, models: Sequence[Model]) -> None:
-        """Load models; of every model that the code keeps, the answer to one load is judged, all being there. It costs one
+        """Load models; of every model that the code keeps, the answer to one load is judged, all
+        being there. It costs one
         back-substitution per model, and finds a code that mixes up its models."""
         super().load(models)
         self._models = list(models)
         random = np.random.default_rng(len(models))
         forces = {i: np.where(m.fixed.ravel(), 0.0, random.uniform(0.5, 1.0, (1, m.fixed.size)))
                   for i, m in enumerate(models) if self._known(m) and not m.fixed.all()}
-        if forces := {i: f for i, f in forces.items() if self.inner.traits(models[i].code).keeps_models}:
+        if forces := {i: f for i, f in forces.items()
+                      if self.inner.traits(models[i].code).keeps_models}:
             self.fields(forces)
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         answers = super().fields(forces)
         asked = [i for i, u in answers.items() if len(u) and self._known(self._models[i])]
-        for i, (left, node) in zip(asked, _threads().map(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
+        for i, (left, node) in zip(asked,
+                                   _threads().map(
+                                       lambda i: imbalance(self._models[i], answers[i],
+                                                           np.asarray(forces[i])), asked)):
             model = self._models[i]
             if not left <= BALANCED:
-                raise BlackBoxError(f"guard: displacements that do not balance the forces: near {format_point(model.nodes[node])} a share of "
-                    f"{left:.1e} is left over, {BALANCED:.0e} allowed (its materials, units or models are mixed up, or "
-                    f"its answers have few digits; {OWN})", model.name)
+                raise BlackBoxError(
+                    "guard: displacements that do not balance the forces: near "
+                    f"{format_point(model.nodes[node])} a share of {left:.1e} is left over, "
+                    f"{BALANCED:.0e} allowed (its materials, units or models are mixed up, or its "
+                    f"answers have few digits; {OWN})", model.name)
         return answers
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         matrices = super().stiffness(models)
         judged = [i for i, model in enumerate(models) if self._judges(model)]
-        for i, wrong in zip(judged, _threads().map(lambda i: wrong_stiffness(models[i], matrices[i], not self._known(models[i])), judged)):
+        for i, wrong in zip(judged,
+                            _threads().map(
+                                lambda i: wrong_stiffness(models[i], matrices[i],
+                                                          not self._known(models[i])), judged)):
             if wrong:
                 raise BlackBoxError(f"guard: {wrong}", models[i].name)
         return matrices
@@ -83,7 +97,8 @@ class GuardedCode(BlackBox):
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    """Threads that judge, since the codes' cores have nothing else to do meanwhile. They stay: to start them costs more than to judge a
+    """Threads that judge, since the codes' cores have nothing else to do meanwhile. They stay: to
+    start them costs more than to judge a
     small model."""
     return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "guard")
 
@@ -99,8 +114,10 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
     if diagonal.min(initial=0.0) < -PATCH * np.abs(diagonal).max(initial=0.0):
         worst = int(np.argmin(diagonal))
         why = "is its modulus below zero somewhere?" if own_matter else f"a wrong sign; {OWN}"
-        return (f"a stiffness that is not positive: to move a node near {format_point(model.nodes[worst // 3])} by itself gives energy away, "
-                f"{diagonal[worst]:.3g} beside {diagonal.max():.3g} at others ({why})")
+        return (
+            "a stiffness that is not positive: to move a node near "
+            f"{format_point(model.nodes[worst // 3])} by itself gives energy away, "
+            f"{diagonal[worst]:.3g} beside {diagonal.max():.3g} at others ({why})")
     symmetry, rigid, strain, node, allowed = patch_errors(model, matrix, own_matter)
     if not symmetry <= PATCH:
         return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"
@@ -108,17 +125,21 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
         why = " (supports inside it; or a form that is not symmetric in u and v, of which one triangle is taken)" if own_matter else ""
         return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {format_point(model.nodes[node])}{why}"
     if not strain <= allowed:
-        return (f"a stiffness that is not that of the model's mesh and materials: uniform strains need other forces, by "
-                f"{strain:.1e} of |K| near {format_point(model.nodes[node])} (other moduli or units, a plane state, an element that "
-                f"fails the patch test; {OWN})")
+        return (
+            "a stiffness that is not that of the model's mesh and materials: uniform strains need "
+            f"other forces, by {strain:.1e} of |K| near {format_point(model.nodes[node])} (other "
+            f"moduli or units, a plane state, an element that fails the patch test; {OWN})")
     return ""
 
 
-def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> tuple[float, float, float, int, float]:
-    """Distance of a stiffness from symmetry, from rest under rigid motions, from the forces of uniform strains.
+def patch_errors(model: Model, matrix: sp.csr_array,
+                 own_matter: bool = False) -> tuple[float, float, float, int, float]:
+    """Distance of a stiffness from symmetry, from rest under rigid motions, from the forces of
+    uniform strains.
 
-    Each is relative to the row's diagonal entry times the largest displacement. Four columns tell: a random translation,
-    rotation and strain, with no component that is small, and displacements at random.
+    Each is relative to the row's diagonal entry times the largest displacement. Four columns tell:
+    a random translation, rotation and strain, with no component that is small, and displacements at
+    random.
 
     Returns symmetry, rigid, strain : float; strain 0 where the matter is the code's own
     node : where the worst of the last two is
@@ -129,7 +150,8 @@ def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -
     size = np.abs(place).max(initial=0.0) or 1.0
     place /= size
     ab, ac, bc = random.uniform(0.5, 1.0, 3)
-    turn, strain = np.array([[0, -ab, ac], [ab, 0, -bc], [-ac, bc, 0]]), random.uniform(0.5, 1.0, (3, 3))
+    turn, strain = np.array([[0, -ab, ac], [ab, 0, -bc], [-ac, bc, 0]]), random.uniform(
+        0.5, 1.0, (3, 3))
     strain = (strain + strain.T) / 2
     fields = np.empty((model.fixed.size, 4))
     fields[:, 0] = np.resize(random.uniform(0.5, 1.0, 3), len(fields))
@@ -154,8 +176,10 @@ def _apart_from_zero(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
-    """The share of forces (rhs, 3n) that displacements (rhs, 3n) leave unbalanced on free dofs, and its node. Returns largest |K u −
-    f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves equal shares of that everywhere,
+    """The share of forces (rhs, 3n) that displacements (rhs, 3n) leave unbalanced on free dofs, and
+    its node. Returns largest |K u −
+    f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation
+    leaves equal shares of that everywhere,
     however different the moduli; of rows in a random combination"""
     matter = Matter.of(model)
     free = ~model.fixed.ravel()

@@ -41,7 +41,8 @@ def sides_by_subdomain(scene: Scene) -> list[list[tuple[int, int]]]:
     return sides
 
 
-def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]]) -> np.ndarray:
+def boundary_dofs(scene: Scene, subdomain: Subdomain,
+                  sides: Sequence[tuple[int, int]]) -> np.ndarray:
     """(t,) ascending dofs of the subdomain that lie on an interface and are not prescribed."""
     on = np.zeros(len(subdomain.nodes), dtype=bool)
     for index, side in sides:
@@ -51,9 +52,12 @@ def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int,
 
 def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]],
                    soles: Sequence[SolePair], ring: Ring | None = None) -> Model:
-    """The subdomain's mesh with the soles of all its interfaces, or its ring: K + NᵀkN of eq. 13."""
+    """The subdomain's mesh with the soles of all its interfaces, or its ring: K + NᵀkN of
+    eq. 13.
+    """
     count = len(subdomain.nodes)
-    points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [_moduli(scene, subdomain.material)]
+    points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [
+        _moduli(scene, subdomain.material)]
     glued = [(ring, ring.nodes)] if ring else [
         (soles[index][side], scene.interfaces[index].nodes[side]) for index, side in sides]
     for sole, inner in glued:
@@ -64,33 +68,44 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
         count += len(sole.points)
     fixed = np.ones((count, 3), dtype=bool)
     fixed[: len(subdomain.nodes)] = subdomain.fixed
-    return _model(subdomain.name, np.vstack(points), np.vstack(cells), np.vstack(matter), fixed=fixed,
+    return _model(subdomain.name, np.vstack(points), np.vstack(cells), np.vstack(matter),
+                  fixed=fixed,
                   trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code,
                   origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
 def body_model(scene: Scene, subdomain: Subdomain) -> Model:
     """The subdomain's own mesh, without soles."""
-    return _model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity, _moduli(scene, subdomain.material),
-                  fixed=subdomain.fixed, code=subdomain.code, origin=_origin(scene, subdomain.nodes, subdomain.cells))
+    return _model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity,
+                  _moduli(scene, subdomain.material),
+                  fixed=subdomain.fixed, code=subdomain.code,
+                  origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
 def both_alike(scene: Scene, index: int, pair: SolePair) -> bool:
-    """Whether the sole of an interface is one and the same stiffness on both sides: not so where a side takes its diagonal,
+    """Whether the sole of an interface is one and the same stiffness on both sides: not so where a
+    side takes its diagonal,
     as parts do whose mesh is not ours and which remember load steps."""
     return pair[0] is pair[1] and not any(
-        s.foreign and s.remembers for s in (scene.subdomains[e] for e in scene.interfaces[index].subdomains))
+        s.foreign and s.remembers
+        for s in (scene.subdomains[e] for e in scene.interfaces[index].subdomains))
 
 
 def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
-    """One model per different sole, with the (interface, side) it belongs to; interfaces without soles are left out."""
+    """One model per different sole, with the (interface, side) it belongs to; interfaces without
+    soles are left out.
+    """
     models = []
     for interface, pair in zip(scene.interfaces, soles):
-        for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (0, 1):
+        for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (
+            0, 1):
             sole = pair[side]
             nodes = np.vstack([scene.side_points(interface, side), sole.points])
-            models.append((_model(f"sole of {interface.name}", nodes, sole.cells, np.column_stack([sole.young, sole.poisson]),
-                       code=scene.subdomains[interface.subdomains[side]].code), (interface.index, side)))
+            models.append(
+                (_model(f"sole of {interface.name}", nodes, sole.cells,
+                        np.column_stack([sole.young, sole.poisson]),
+                        code=scene.subdomains[interface.subdomains[side]].code),
+                 (interface.index, side)))
     return models
 
 
@@ -123,7 +138,8 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
         chosen[:] = True
     nodes, cells = np.unique(subdomain.connectivity[chosen], return_inverse=True)
     model = _model(f"rim of {subdomain.name}", scene.mesh.nodes[subdomain.nodes[nodes]],
-                   cells.reshape(-1, subdomain.connectivity.shape[1]), _moduli(scene, subdomain.material[chosen]), code=subdomain.code,
+                   cells.reshape(-1, subdomain.connectivity.shape[1]),
+                   _moduli(scene, subdomain.material[chosen]), code=subdomain.code,
                    origin=_origin(scene, subdomain.nodes[nodes], subdomain.cells[chosen]))
     return Rim(model, nodes)
 
@@ -131,18 +147,23 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
 def whole_model(scene: Scene) -> Model:
     """The undecomposed problem as one model, for the reference solution."""
     mesh = scene.mesh
-    return _model("the whole structure", mesh.nodes, mesh.cells, _moduli(scene, scene.cell_material), fixed=scene.fixed,
+    return _model("the whole structure", mesh.nodes, mesh.cells,
+                  _moduli(scene, scene.cell_material), fixed=scene.fixed,
                   origin=_origin(scene, np.arange(len(mesh.nodes)), np.arange(len(mesh.cells))))
 
 
 def _model(name: str, nodes: np.ndarray, cells: np.ndarray, matter: np.ndarray, **more) -> Model:
-    """A model of tets whose (E, ν) are ``matter`` (m, 2); nothing clamped and no traces unless said otherwise."""
+    """A model of tets whose (E, ν) are ``matter`` (m, 2); nothing clamped and no traces unless said
+    otherwise.
+    """
     if len(matter) and (matter == matter[0]).all():
         region, materials = np.zeros(len(matter), dtype=int), matter[:1].copy()
     else:  # as complex numbers: sorting rows is ten times slower
-        materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(), return_inverse=True)
+        materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(),
+                                      return_inverse=True)
         materials = materials.view(float).reshape(-1, 2)
-    return Model(name, nodes, cells, region, materials, **{"fixed": np.zeros((len(nodes), 3), bool), "trace": np.empty(0, int), **more})
+    return Model(name, nodes, cells, region, materials,
+                 **{"fixed": np.zeros((len(nodes), 3), bool), "trace": np.empty(0, int), **more})
 
 
 def _origin(scene: Scene, nodes: np.ndarray, cells: np.ndarray) -> Origin:
@@ -165,13 +186,15 @@ class Matter:
     lam, mu : (P,) Lamé's constants
     """
 
-    def __init__(self, nodes: np.ndarray, cells: np.ndarray, young: np.ndarray, poisson: np.ndarray):
+    def __init__(self, nodes: np.ndarray, cells: np.ndarray, young: np.ndarray,
+                 poisson: np.ndarray):
         gradients, volumes = shape_gradients(nodes, cells)
         slopes, points = gradients.transpose(2, 1, 0), TET_POINTS[cells.shape[1]]
         self.weight = np.tile(volumes / len(points), len(points))
         self.lam, self.mu = (np.tile(values, len(points)) for values in lame(young, poisson))
         if cells.shape[1] == 10:
-            slopes = np.concatenate([np.einsum("xim,ai->xam", slopes, quadratic_slopes(p)) for p in points], axis=2)
+            slopes = np.concatenate([np.einsum("xim,ai->xam", slopes, quadratic_slopes(p))
+                                     for p in points], axis=2)
         self.slopes, self.size = slopes, len(nodes)
         self._nodes = np.tile(cells.T, len(points))  # (4 or 10, P)
 
@@ -188,14 +211,19 @@ class Matter:
         return nodal.reshape(-1, 3, len(u)).transpose(2, 0, 1).reshape(len(u), -1)
 
     def stiffness(self) -> sp.csr_array:
-        """(3n, 3n) symmetric, nothing clamped, dof = 3 * node + component: λ ∂ᵢφ ∂ⱼφ + μ ∂ⱼφ ∂ᵢφ + μ δᵢⱼ ∇φ·∇φ."""
+        """(3n, 3n) symmetric, nothing clamped, dof = 3 * node + component: λ ∂ᵢφ ∂ⱼφ + μ ∂ⱼφ ∂ᵢφ +
+        μ δᵢⱼ ∇φ·∇φ.
+        """
         count = len(self.weight)
         along = [self._operator[x * count : (x + 1) * count] for x in range(3)]
         lam, mu = (sp.diags_array(self.weight * values) for values in (self.lam, self.mu))
         same = sum(a.T @ mu @ a for a in along)
-        blocks = [[along[i].T @ lam @ along[j] + along[j].T @ mu @ along[i] + (same if i == j else 0 * same) for j in range(3)]
+        blocks = [
+            [along[i].T @ lam @ along[j] + along[j].T @ mu @ along[i]
+             + (same if i == j else 0 * same) for j in range(3)]
                   for i in range(3)]
-        order = np.arange(3 * self.size).reshape(3, -1).T.ravel()  # component by component → node by node
+        # component by component → node by node
+        order = np.arange(3 * self.size).reshape(3, -1).T.ravel()
         return sp.csr_array(sp.csr_array(sp.block_array(blocks))[order][:, order])
 
     def energies(self, u: np.ndarray) -> np.ndarray:
@@ -220,13 +248,17 @@ class Matter:
 
     def forces_of_strain(self, strain: np.ndarray) -> np.ndarray:
         """(3n,) nodal forces that hold a uniform strain (3, 3): Σ w λ ∇φ tr(ε) + 2 Σ w μ ∇φ ε."""
-        lam, mu = (np.stack([self._sum_on_nodes(slopes * (self.weight * values)) for slopes in self.slopes], axis=1)
+        lam, mu = (
+            np.stack([self._sum_on_nodes(slopes * (self.weight * values))
+                      for slopes in self.slopes], axis=1)
                    for values in (self.lam, self.mu))
         return (np.trace(strain) * lam + 2 * mu @ strain).ravel()
 
     @cached_property
     def stiff(self) -> np.ndarray:
-        """(n,) what a node opposes to a displacement of its own, the largest of its directions at most."""
+        """(n,) what a node opposes to a displacement of its own, the largest of its directions at
+        most.
+        """
         square = np.einsum("xap,xap->ap", self.slopes, self.slopes)
         square *= self.weight * (self.lam + 2 * self.mu)
         return self._sum_on_nodes(square)
@@ -235,7 +267,8 @@ class Matter:
     def _operator(self) -> sp.csr_array:
         """(3P, n) derivatives along x, then y, then z of something given at the nodes."""
         rows, size = 3 * len(self.weight), len(self._nodes)
-        return sp.csr_array((self.slopes.transpose(0, 2, 1).ravel(), np.tile(self._nodes.T.ravel(), 3),
+        return sp.csr_array((self.slopes.transpose(0, 2, 1).ravel(),
+                             np.tile(self._nodes.T.ravel(), 3),
                              np.arange(0, size * rows + 1, size)), shape=(rows, self.size))
 
     def _sum_on_nodes(self, values: np.ndarray) -> np.ndarray:

@@ -27,7 +27,8 @@ class CodeSettings(Part):
     ...     transport: Literal["file"] = "file"
     ...     digits: int = 12
     >>> Mine(digits=14).model_dump(exclude={"timeout"})
-    {'code': 'freefem', 'on': ['*'], 'element': 'P1', 'transport': 'file', 'workers': 'auto', 'digits': 14}
+    {'code': 'freefem', 'on': ['*'], 'element': 'P1', 'transport': 'file', 'workers': 'auto',
+    'digits': 14}
     """
 
     # what a code's own entries may say otherwise, as properties

@@ -123,8 +123,8 @@ class Place(Part):
     """Boundary faces on a plane, or inside a box."""
 
     plane: Literal["x", "y", "z"] | None = Field(None,
-                                                 description="axis normal to the plane; comes "
-                                                 "with `at`")
+                                                 description="axis normal to the plane; comes with "
+                                                 "`at`")
     at: float | None = Field(None, description="coordinate of the plane along that axis")
     box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = Field(
         None, description="lower and upper corner: [[x, y, z], [x, y, z]]")

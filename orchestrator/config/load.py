@@ -156,8 +156,8 @@ def config_from(data: Any) -> Config:
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
     ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
     ...     "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
-    ...     "traction": [10, 0, 0]}]}
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "xmax", "traction": [10, 0, 0]}]}
     >>> config_from(bar).method.tolerance.error
     1e-06
     >>> config_from({**bar, "methd": {}})

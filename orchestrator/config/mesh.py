@@ -59,8 +59,8 @@ class Curved(Part):
                                  description="elements are no smaller, however small a fillet is; "
                                  "none: no such limit")
     max: Positive | None = Field(None,
-                                 description="elements are no larger; none: a tenth of the "
-                                 "model's size")
+                                 description="elements are no larger; none: a tenth of the model's "
+                                 "size")
 
 
 OneSize = either(Curved, Positive, lambda value: isinstance(value, (dict, Curved)),
@@ -291,8 +291,8 @@ class OnePart(Part):
                                description="element size for a mesh from `step`, in place of the "
                                "mesh's own h")
     move: Move | None = Field(None,
-                              description="{translate: [x, y, z], rotate: {axis: z, degrees: "
-                              "30}}; none: it stays where it is")
+                              description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; "
+                              "none: it stays where it is")
     material: PartMatter | None = Field(None, description=(
         "{young, poisson}; none: what `materials` says; it comes after those entries, so that it "
         "wins"))

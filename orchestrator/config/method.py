@@ -32,11 +32,12 @@ class SoleSettings(Part):
 
     kind: Literal["auto", "layer", "symmetric", "overlap", "springs"] = Field("auto", description=(
         "symmetric: half the layer on each side of the interface, so both neighbours get the same "
-        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: where all is one "
-        "bonded mesh, one sole per subdomain, a copy of every outside element that touches it; elsewhere, "
-        "per interface, a copy of the first row of elements of both sides, most of it the neighbour's. "
-        "auto: overlap where all is one bonded mesh, unless parts are slender or of ν above 0.4995, and "
-        "elsewhere for mixed moduli, ν above 0.49 and slender parts; else symmetric"))
+        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: where all "
+        "is one bonded mesh, one sole per subdomain, a copy of every outside element that touches "
+        "it; elsewhere, per interface, a copy of the first row of elements of both sides, most of "
+        "it the neighbour's. auto: overlap where all is one bonded mesh, unless parts are slender "
+        "or of ν above 0.4995, and elsewhere for mixed moduli, ν above 0.49 and slender parts; "
+        "else symmetric"))
     modulus_ratio: Positive = Field(0.5, description=(
         "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum "
         "(0.35-0.8)"))
@@ -70,12 +71,13 @@ class MacroSettings(Part):
 
     strategy: Literal["none", "equilibrium", "continuity"] = Field("equilibrium", description=(
         "equilibrium: the number of iterations then hardly grows with the number of subdomains"))
-    basis: Literal["auto", "translations", "rigid", "affine", "quadratic", "modes"] = Field("auto", description=(
-        "affine: rotations are needed in bending, extensions and shears save iterations; "
-        "modes: affine and the subdomains' soft modes, computed at set-up. "
-        "auto: with one sole per subdomain, rigid motions about the nodes where most subdomains meet; else "
-        "affine fields per interface, with soft modes of subdomains 10 times longer than thick, or of ν "
-        "above 0.49 (0.4995 with ten-node tets). The others are per interface, and exclude such soles"))
+    basis: Literal["auto", "translations", "rigid", "affine", "quadratic",
+                   "modes"] = Field("auto", description=(
+        "affine: rotations are needed in bending, extensions and shears save iterations; modes: "
+        "affine and the subdomains' soft modes, computed at set-up. auto: with one sole per "
+        "subdomain, rigid motions about the nodes where most subdomains meet; else affine fields "
+        "per interface, with soft modes of subdomains 10 times longer than thick, or of ν above "
+        "0.49 (0.4995 with ten-node tets). The others are per interface, and exclude such soles"))
     on: Literal["perfect", "all"] = Field("perfect", description=(
         "perfect: on perfect interfaces; the coarse contact problem does better on contact. all: "
         "the paper's"))
@@ -139,8 +141,8 @@ class Accuracy(Part):
         "GB that the program and its codes may take on all ranks together: meshes are only as fine "
         "as that is foreseen to hold; none: no limit but the machine's"))
     seconds: Positive | None = Field(None,
-                                     description="meshes are only as fine as will likely be "
-                                     "solved on in time; none: no limit")
+                                     description="meshes are only as fine as will likely be solved "
+                                     "on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(
         "elements are not made smaller than this, in the model's unit of length, where stresses "
         "grow without limit; none: no limit"))

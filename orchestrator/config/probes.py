@@ -63,8 +63,8 @@ class SurfaceProbe(Part):
                                 description="what the mean or extreme is of: displacement, as "
                                 "where nothing is said, or stress")
     about: Vector | None = Field(None,
-                                 description="the moment of a resultant is about this point; "
-                                 "none: the surface's centre")
+                                 description="the moment of a resultant is about this point; none: "
+                                 "the surface's centre")
 
 
 class SectionProbe(Part):

@@ -66,8 +66,8 @@ class Tool(Part):
                              description="an STL file of a closed surface, relative to the YAML "
                              "file, in the mesh's unit of length")
     name: Name | None = Field(None,
-                              description="what it is called in messages and results; none: by "
-                              "its shape")
+                              description="what it is called in messages and results; none: by its "
+                              "shape")
     displacement: Moved | None = Field(None, description=(
         "of the tool; null where it is free; none: 0, and free in components that force pushes it "
         "in"))

@@ -151,11 +151,11 @@ class Law:
     ...     "name": "halves", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}},
     ...     "subdomains": {"slices": {"axis": "z", "count": 2}},
     ...     "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "interfaces": [{"law": "parted"}], "boundary": [{"on": "zmin",
-    ...     "displacement": [0, 0, 0]},
-    ...                                                     {"on": "zmax",
-    ...                                                     "displacement": [0, 0, 0.1]}]}))
-    >>> [np.allclose(side[0], (0, 0, moved), atol=1e-6) for side, moved in zip(solution.sides, (0, 0.1))]
+    ...     "interfaces": [{"law": "parted"}],
+    ...     "boundary": [{"on": "zmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "zmax", "displacement": [0, 0, 0.1]}]}))
+    >>> [np.allclose(side[0], (0, 0, moved), atol=1e-6)
+    ...  for side, moved in zip(solution.sides, (0, 0.1))]
     [True, True]
     """
 

@@ -131,8 +131,8 @@ class Subscriber:
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
     ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
     ...     "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
-    ...     "traction": [0, 0, 1]}]}),
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "xmax", "traction": [0, 0, 1]}]}),
     ...     subscribers=[Printer()])
     meshing
     assembling and factorising

@@ -67,7 +67,8 @@ def _sum(space: TraceSpace, values: np.ndarray) -> np.ndarray:
 
 
 def pair_forces(space: TraceSpace, f: np.ndarray) -> np.ndarray:
-    """(T, Q) forces between pairs of copies that stand behind forces (T, B) of the copies: the least
+    """(T, Q) forces between pairs of copies that stand behind forces (T, B) of the copies: the
+    least
     whose sums come closest to these, by conjugate gradients. All ranks have to ask."""
     transfer, team = space.transfer, space.team
     copies, (least,) = _sum(space, np.ones(f.shape[1])), team.sum(EXACT * dots(f, f))

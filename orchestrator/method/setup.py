@@ -69,7 +69,8 @@ class RankPart:
         """
         rank_of = np.zeros(len(scene.subdomains), dtype=int) if rank_of is None else rank_of
         sides = sides_by_subdomain(scene)
-        traces = [boundary_dofs(scene, scene.subdomains[e], sides[e]) for e in np.flatnonzero(rank_of == team.rank)]
+        traces = [boundary_dofs(scene, scene.subdomains[e], sides[e])
+                  for e in np.flatnonzero(rank_of == team.rank)]
         space = TraceSpace.of(scene, sides, traces, rank_of, team, by_nodes(scene, method))
         return cls(scene, space, Carried.of(scene, rank_of, team))
 
@@ -103,7 +104,8 @@ def prepare(part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: 
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
-    part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both sides of their interfaces
+    part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both
+        sides of their interfaces
     soles : of ``make_soles_of``
     method : ``method`` of the configuration
     savings : where it is noted what need not be done
@@ -116,7 +118,8 @@ def prepare(part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: 
 class _SetUp:
     """State shared by the steps of a set-up."""
 
-    def __init__(self, part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: Stopwatch):
+    def __init__(self, part: RankPart, soles: Sequence, method, blackbox: BlackBox,
+                 watch: Stopwatch):
         self.scene, self.space, self.carried = _own_copy(part.scene), part.space, part.carried
         self.soles, self.method, self.blackbox, self.watch = soles, method, blackbox, watch
         self.own = [self.scene.subdomains[e] for e in self.space.subdomains]
@@ -131,11 +134,14 @@ class _SetUp:
         scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
         remembers = any(s.remembers for s in own)
         perfect = space.transfer.perfect.all() and not remembers
-        certified = not (perfect or remembers or method.tolerance.error is None or any(i.law.follows for i in scene.interfaces))
+        certified = not (perfect or remembers or method.tolerance.error is None
+                         or any(i.law.follows for i in scene.interfaces))
         with watch("search_direction"):
-            direction = assemble_search_direction(scene, space, self.soles, blackbox, method.skip.congruent, savings)
+            direction = assemble_search_direction(scene, space, self.soles, blackbox,
+                                                  method.skip.congruent, savings)
             rims, stiffness = self._rims(perfect or certified, savings)
-        factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
+        # nothing is asked of the codes until ``loaded``
+        factorised = _meanwhile(lambda: blackbox.load(self.models))
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
             local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
@@ -158,9 +164,11 @@ class _SetUp:
             macro = self._macro(direction, guarded, bases)
         floor, counts = self._floor(), [len(m.nodes) for m in self.models]
         with watch("linear_stage"):
-            load = partial(apply_loads, scene, direction, counts, self.traces, rims, blackbox, self.carried)
+            load = partial(apply_loads, scene, direction, counts, self.traces, rims, blackbox,
+                           self.carried)
             loading = load()
-            nonlinear = Nonlinear(blackbox, space, own, self.traces, [m.fixed.size for m in self.models], load) if remembers else None
+            nonlinear = Nonlinear(blackbox, space, own, self.traces,
+                                  [m.fixed.size for m in self.models], load) if remembers else None
         with watch("macro"):
             spent += macro.solve(guarded) if macro is not None else 0
             stage = LinearStage(space, direction, macro, loading, guarded)
@@ -168,30 +176,37 @@ class _SetUp:
         spent += sweeps
         if coarse is not None:
             coarse.start_from(local)
-        made = Made(self.traces, counts, rims, modes, self.carried, loading.sweeps + spent / scene.steps, scale)
-        following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
+        made = Made(self.traces, counts, rims, modes, self.carried,
+                    loading.sweeps + spent / scene.steps, scale)
+        following = Following(scene, space, direction,
+                              springs) if any(i.law.follows for i in scene.interfaces) else None
         if certified:
             check_convex(pairs, space.team)
-        certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness, *self._freedom(modes), stage,
+        certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness,
+                                  *self._freedom(modes), stage,
                                   pushed(own, modes)) if certified else None
         for judge in filter(None, (bound, certificate)):
             judge.floor = floor
-        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following)
+        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse,
+                             certificate, nonlinear, following)
 
     def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.
 
-        whole : stiffness on interfaces is needed, as for the error; reactions always need the supports'
+        whole : stiffness on interfaces is needed, as for the error; reactions always need the
+            supports'
         """
         scene, own, share = self.scene, self.own, self.method.skip.congruent
         sides = self.sides if whole else [[] for _ in self.sides]
         rims = assemble_rims(scene, own, sides, self.blackbox, share, savings)
         of_bodies = own_stiffness(scene, own, self.blackbox, share, savings)
-        check_own_matter(scene, own, of_bodies, rims, self.traces if whole else [trace[:0] for trace in self.traces])
+        check_own_matter(scene, own, of_bodies, rims,
+                         self.traces if whole else [trace[:0] for trace in self.traces])
         stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
         return rims, stiffness
 
-    def _meeting(self, direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
+    def _meeting(self, direction: SearchDirection,
+                 scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
         """The pairs, their local stage, and how they are stabilised."""
         springs = stabilisation(self.scene, self.method, scale)
         pairs = make_pairs(self.scene, self.space, direction.whole, springs)
@@ -199,7 +214,8 @@ class _SetUp:
 
     def _freedom(self, modes: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
         """Rigid motions and external forces (T, B) on the boundary dofs."""
-        external = np.hstack([s.loads.reshape(self.scene.steps, -1)[:, t] for s, t in zip(self.own, self.traces)])
+        external = np.hstack([s.loads.reshape(self.scene.steps, -1)[:, t]
+                              for s, t in zip(self.own, self.traces)])
         return [m[t] for m, t in zip(modes, self.traces)], external
 
     def _bases(self) -> list[np.ndarray] | None:
@@ -223,18 +239,23 @@ class _SetUp:
         kind, scene, spent = self.method.macro.basis, self.scene, 0.0
         with self.watch("macro"):
             if kind in ("auto", "modes"):
-                chosen = difficulty(scene).soft if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
+                chosen = difficulty(scene).soft if kind == "auto" else np.ones(
+                    len(scene.subdomains), dtype=bool)
                 modes, spent = soft_modes(direction, guarded, chosen)
                 bases = enriched(self.space, direction.whole, bases, modes)
             return Macro(self.space, direction, bases, self.method.macro.strategy, spent)
 
-    def _coarse(self, stage: LinearStage, pairs: Pairs | None) -> tuple[CoarseCorrection | None, float]:
-        """The coarse contact problem, where laws are not perfect, and back-substitutions per subdomain."""
+    def _coarse(self, stage: LinearStage, pairs: Pairs
+                | None) -> tuple[CoarseCorrection | None, float]:
+        """The coarse contact problem, where laws are not perfect, and back-substitutions per
+        subdomain.
+        """
         asked = self.method.coarse
         if asked == "none" or self.space.transfer.perfect.all():
             return None, 0.0
         modes, spent = soft_bodies(self.scene, stage.blackbox) if asked == "auto" else ({}, 0.0)
-        coarse = CoarseCorrection(self.scene, stage, pairs, asked, modes, begin_anew(self.scene, self.method))
+        coarse = CoarseCorrection(self.scene, stage, pairs, asked, modes,
+                                  begin_anew(self.scene, self.method))
         return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:
@@ -261,14 +282,18 @@ def _own_copy(scene: Scene) -> Scene:
     if any(i.moving is not None for i in scene.interfaces):
         scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
     if remembers:  # pseudo-loads are this run's
-        scene = replace(scene, subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s for s in scene.subdomains])
+        scene = replace(scene,
+                        subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s
+                                    for s in scene.subdomains])
     return scene
 
 
 def _meanwhile(work: Callable[[], None]) -> Future:
-    """Work that another thread begins at once, while this one goes on: what is asked of the codes, mostly waiting.
+    """Work that another thread begins at once, while this one goes on: what is asked of the codes,
+    mostly waiting.
 
-    It must not speak to other ranks. It ends with the process, even where nobody waits for it: an interrupt is not held up.
+    It must not speak to other ranks. It ends with the process, even where nobody waits for it: an
+    interrupt is not held up.
     """
     done: Future = Future()
 

@@ -209,8 +209,8 @@ class Solution:
         ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
         ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
         ...     "materials": [{"young": 200e3, "poisson": 0.0}],
-        ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
-        ...     "traction": [10, 0, 0]}]}))
+        ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+        ...                  {"on": "xmax", "traction": [10, 0, 0]}]}))
         >>> found = solution.at([[1.0, 0.3, 0.5], [3.0, 0.3, 0.5]])
         >>> print(found["displacement"][0, :, 0].round(7), found["stress"][0, :, 0].round(4))
         [5.0e-05 1.5e-04] [10. 10.]

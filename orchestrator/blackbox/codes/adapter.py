@@ -57,7 +57,7 @@ class Adapter:
         return displacements
 
 
-# ---- the class of a solver: where it is, whether it has what it needs, and the models that it is handed
+# ---- the class of a solver: where it is, what it needs, the models that it is handed -----------
 
 METHODS = ("stiffness", "prepare", "solve")
 NO_SOLVER = 67  # exit code

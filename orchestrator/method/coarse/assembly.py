@@ -1,9 +1,11 @@
-"""Newton's matrices over ranks: each adds up the blocks of the fronts that it eliminates, of slopes that other ranks have formed.
+"""Newton's matrices over ranks: each adds up the blocks of the fronts that it eliminates, of slopes
+that other ranks have formed.
 
-What an interface changes enters the fronts of its two bodies alone: its slopes go to their ranks, once each.
+What an interface changes enters the fronts of its two bodies alone: its slopes go to their ranks,
+once each.
 
-Most of Newton's steps change the slopes of a few interfaces in a hundred. What these do not change of a matrix stays as it was formed and
-eliminated last.
+Most of Newton's steps change the slopes of a few interfaces in a hundred. What these do not change
+of a matrix stays as it was formed and eliminated last.
 """
 
 from __future__ import annotations
@@ -29,12 +31,14 @@ WORTH = 1 << 10  # blocks, over which a loop takes much longer than to hand them
 class Assembly:
     """Sums of all ranks' slopes.
 
-    ends : (I, 2) int, the two bodies of each interface, one rank's after the other's, each as many as ``counts`` says
+    ends : (I, 2) int, the two bodies of each interface, one rank's after the other's, each as many
+        as ``counts`` says
     order : (I,) int, in which they are added up; rigid : as for the pattern
     pattern : of the matrices, on all ranks
     """
 
-    def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
+    def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int,
+                 order: np.ndarray, rigid: int = 0):
         self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
         self._of: Any = None
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
@@ -47,10 +51,13 @@ class Assembly:
             mine = theirs[(theirs >= here.start) & (theirs < here.stop)] - here.start
             if len(mine):
                 self._gives[other] = mine
-        where = np.searchsorted(wanted[rank], starts)  # of each rank's interfaces among those that this one wants
-        self._wants = {other: slice(a, b) for other, (a, b) in enumerate(zip(where[:-1], where[1:])) if b > a}
+        # of each rank's interfaces among those that this one wants
+        where = np.searchsorted(wanted[rank], starts)
+        self._wants = {other: slice(a, b) for other, (a, b) in enumerate(zip(where[:-1], where[1:]))
+                       if b > a}
         self.count = len(wanted[rank])
-        self.sums = _of_some(self.sums, np.repeat(4 * wanted[rank], 4) + np.tile(np.arange(4), self.count))
+        self.sums = _of_some(self.sums, np.repeat(4 * wanted[rank], 4)
+                             + np.tile(np.arange(4), self.count))
 
     def _wanted(self, slopes: np.ndarray) -> np.ndarray:
         """Those that enter this rank's fronts, of those that this rank counts."""
@@ -60,19 +67,23 @@ class Assembly:
         everyones = np.empty((self.count, *slopes.shape[1:]), slopes.dtype)
         if rank in self._gives:
             everyones[self._wants[rank]] = slopes[self._gives[rank]]
-        self.team.exchange({other: slopes[mine] for other, mine in self._gives.items() if other != rank},
-                           {other: everyones[at] for other, at in self._wants.items() if other != rank})
+        self.team.exchange({other: slopes[mine] for other, mine in self._gives.items()
+                            if other != rank},
+                           {other: everyones[at] for other, at in self._wants.items()
+                            if other != rank})
         return everyones
 
     def matrix(self, of: Any, answer: Answer) -> np.ndarray:
-        """(k, size, size) K₀ − ΣTᵀA L, of the blocks that enter this rank's fronts; the next one takes its place.
+        """(k, size, size) K₀ − ΣTᵀA L, of the blocks that enter this rank's fronts; the next one
+        takes its place.
 
         of : ``load_step.Bodies`` with some springs; others have another matrix
         answer : with the laws' derivative A, at the pairs that this rank adds up
         """
         fields, counted = of.summed[1], of.counted
         if anew := self._of is not of:
-            self._of, self._derivative, self._slopes = of, np.full((3, 3, len(fields.chosen)), np.inf), fields.no_slopes()
+            self._of, self._derivative, self._slopes = of, np.full(
+                (3, 3, len(fields.chosen)), np.inf), fields.no_slopes()
             self._values, self._stale = of.affine.copy(), np.ones(len(of.affine), bool)
         changed = fields.changed(answer, self._derivative) | anew
         fields.slopes(answer, of.weight, changed, self._slopes)
@@ -80,9 +91,11 @@ class Assembly:
         changed = changed[counted]
         if self.team.size > 1:
             slopes, before = self._wanted(slopes), None if anew else self._before
-            changed = np.ones(len(slopes), bool) if anew else (slopes != before).any(axis=(1, 2, 3, 4))
+            changed = np.ones(len(slopes),
+                              bool) if anew else (slopes != before).any(axis=(1, 2, 3, 4))
             self._before = slopes
-        in_parts(formed, len(self._values), (self.sums.indptr, self.sums.indices), changed, slopes.reshape(-1, *self._values.shape[1:]),
+        in_parts(formed, len(self._values), (self.sums.indptr, self.sums.indices), changed,
+                 slopes.reshape(-1, *self._values.shape[1:]),
                  of.affine, self._values, self._stale, part=WORTH)
         return self._values
 
@@ -110,4 +123,5 @@ def _of_some(sums: sp.csr_array, columns: np.ndarray) -> sp.csr_array:
     place[columns] = np.arange(len(columns))
     kept = place[sums.indices] >= 0
     starts = bounds_of(kept)[sums.indptr]
-    return sp.csr_array((sums.data[kept], place[sums.indices[kept]], starts), shape=(sums.shape[0], len(columns)))
+    return sp.csr_array((sums.data[kept], place[sums.indices[kept]], starts),
+                        shape=(sums.shape[0], len(columns)))

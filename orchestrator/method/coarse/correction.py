@@ -1,9 +1,10 @@
-"""What the coarse contact problem corrects: every body moves in its affine, or its rigid, fields under the true laws, one that
-bends in its own softest modes (``soft_bodies``).
+"""What the coarse contact problem corrects: every body moves in its affine, or its rigid, fields
+under the true laws, one that bends in its own softest modes (``soft_bodies``).
 
 The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
 a small nonlinear problem solved after every linear stage: each subdomain's state may change by
-s += V y with n = 12 affine fields, or the 6 rigid ones among them, whose response is known from set-up,
+s += V y with n = 12 affine fields, or the 6 rigid ones among them, whose response is known from
+set-up,
 
     U = N R,   V = k U,   W = N M⁻¹NᵀV,   F = V − k W
 
@@ -37,7 +38,8 @@ from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
 AFFINE = 12  # fields of a body: 1, x, y and z in each component
-# combinations (12, n) of the affine fields, which are monomials outside and components inside, that a body may move in: six rigid motions,
+# combinations (12, n) of the affine fields, which are monomials outside and components inside, that
+# a body may move in: six rigid motions,
 # then six strains
 _TURNS, _STRAINS = np.zeros((AFFINE, 3)), np.zeros((AFFINE, 6))
 for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
@@ -46,7 +48,8 @@ for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _STRAINS[3 * (1 + _turn) + _turn, _turn] = 1.0
 _RIGID = np.hstack([np.eye(AFFINE, 3), _TURNS])
 FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID, _STRAINS]))}
-# Longest move of a loose body in one Newton step, over the largest displacement at the start, where no springs stabilise contacts. How far
+# Longest move of a loose body in one Newton step, over the largest displacement at the start, where
+# no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
 # A loose body is on its way to a place that linear steps do not find where it goes so many times
@@ -64,26 +67,30 @@ class CoarseCorrection:
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, as "auto" is, or "rigid", 6
     anew : whether springs of stabilisation begin anew in every iteration, see ``stabilisation``
-    modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs, the fields of a body that has
-        softer ones; see ``soft_bodies``
+    modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs,
+        the fields of a body that has softer ones; see ``soft_bodies``
     problem : the contact problem of one load step
     """
 
-    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str, modes: Mapping[int, np.ndarray] | None = None,
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str,
+                 modes: Mapping[int, np.ndarray] | None = None,
                  anew: bool = False):
         self.stage, self.pairs, self.anew = stage, pairs, anew
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
         response = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))
-        self.half = len(response.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0  # the first: rigid motions, or softest modes
+        # the first: rigid motions, or softest modes
+        self.half = len(response.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0
         self.response, self.everywhere = response, space.extended(response.W, response.F)
-        response.W, response.F = (x[:, : space.size] for x in self.everywhere)  # ghosts come last: own parts need no room of their own
+        # ghosts come last: own parts need no room of their own
+        response.W, response.F = (x[:, : space.size] for x in self.everywhere)
         K0, each = per_body(space, response.U, response.F), np.arange(len(response.U))
         dropped = np.array([~response.U[:, part].any(axis=1) for part in self.parts])
         K0[:, each, each] += dropped  # fields a body lacks stay at rest
         self.K0 = self._of_all(K0)
         self.problem = self._problem(pairs)
-        self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
+        self.prescribed, = space.team.max(
+            max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose, self.begun, self._steps = loose_bodies(scene), False, None
         self.since: dict[int, tuple[int, float]] = {}
@@ -103,14 +110,17 @@ class CoarseCorrection:
     def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)
         T = _at_points([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-        fields = PairFields.of(pairs, T, _at_points(map(pairs.masked, pairs.responses(*self.everywhere)), np.float32), self.bodies)
+        fields = PairFields.of(pairs, T,
+                               _at_points(map(pairs.masked, pairs.responses(*self.everywhere)),
+                                          np.float32), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
                              [self.response.W[:, part].T for part in self.parts], self.half)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
         steps = self.pairs.at_steps_of(local.pairs)
-        self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))  # perfect ones come last
+        # perfect ones come last
+        self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))
         self.local, self.begun, self.since = local, False, {}
 
     def __call__(self, fields: Admissible) -> Admissible:
@@ -119,19 +129,25 @@ class CoarseCorrection:
         fields : result of a linear stage
         """
         if not self.radius and self.pairs.stabilisation is None:
-            moved = max(self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+            moved = max(self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0],
+                        self.prescribed)
             if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
-                moved = self.stage.space.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
+                moved = self.stage.space.team.max(
+                    np.abs(self.predict(fields).jump).max(initial=0.0))[0]
             self.radius = REACH * moved
         (y, from_y), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
-        w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, self.everywhere))
-        anchor = self._moved(fields.extended[0], from_y, self.everywhere[0], space.owner) if self.anew else None
+        w, f = (self._moved(x, y, response, space.owner)
+                for x, response in zip(fields.extended, self.everywhere))
+        anchor = self._moved(fields.extended[0], from_y, self.everywhere[0],
+                             space.owner) if self.anew else None
         return Admissible.of_extended(s, u, fields.alpha, w, f, space, anchor)
 
     def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
-        """The same with springs of stabilisation of that share of ε, as the local stage has them."""
+        """The same with springs of stabilisation of that share of ε, as the local stage has
+        them.
+        """
         result = copy(self)
         result.pairs = self.pairs.weakened(share)
         result.problem = self.problem.weakened(result.pairs)
@@ -148,14 +164,16 @@ class CoarseCorrection:
 
     def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
         """(T, bodies, n) y, and the y where springs that begin anew carry nothing."""
-        resultant, at = self._of_all(self._resultants(fields.f)).swapaxes(0, 1), self.pairs.traces(*fields.extended)
+        resultant, at = self._of_all(self._resultants(fields.f)).swapaxes(0, 1), self.pairs.traces(
+            *fields.extended)
         F0 = at.predicted()
         y = self._linear(fields, at, F0, resultant) if self.begun else None
         self.begun = True
         if y is not None:
             return y, y
         y, from_y = np.zeros((2, *resultant.shape))
-        before, radius = self.predict.before, None if self.radius is None else np.where(self.loose, self.radius, np.inf)
+        before, radius = self.predict.before, None if self.radius is None else np.where(
+            self.loose, self.radius, np.inf)
         for t, number in enumerate(self.predict.pairs.numbers):
             given = t, number, F0[t], resultant[t], before
             if self.anew:
@@ -166,10 +184,12 @@ class CoarseCorrection:
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y, from_y
 
-    def _linear(self, fields: Admissible, at: PointTraces, F0: np.ndarray, resultant: np.ndarray) -> np.ndarray | None:
+    def _linear(self, fields: Admissible, at: PointTraces, F0: np.ndarray,
+                resultant: np.ndarray) -> np.ndarray | None:
         """(T, bodies, n) y of linear steps; None where they do not do in some load step."""
         before, local, y = self.predict.before, self.local, np.zeros(resultant.shape)
-        nodes, _ = local.meeting(*fields.extended, at.jump[:, :, : len(local.pairs)] if self.anew else None)
+        nodes, _ = local.meeting(*fields.extended,
+                                 at.jump[:, :, : len(local.pairs)] if self.anew else None)
         travels, most = False, self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0]
         for t, number in enumerate(self.predict.pairs.numbers):
             anchor = at.jump[t] if self.anew else before.jump
@@ -201,7 +221,9 @@ class CoarseCorrection:
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """at (T, n) with what fields y (T, bodies, n) add, whose response (n, D) is that of each column's own body."""
+        """at (T, n) with what fields y (T, bodies, n) add, whose response (n, D) is that of each
+        column's own body.
+        """
         result, starts = at.copy(), np.flatnonzero(np.diff(body, prepend=-1))
         for a, b in zip(starts, [*starts[1:], len(body)]):
             result[:, a:b] += y[:, body[a]] @ response[:, a:b]
@@ -209,14 +231,16 @@ class CoarseCorrection:
 
     def state(self) -> dict[str, object]:
         """What a resumed run has to know."""
-        return {"radius": self.radius, "begun": self.begun, "since": dict(self.since), **self.problem.state()}
+        return {"radius": self.radius, "begun": self.begun, "since": dict(self.since),
+                **self.problem.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
         self.problem.restore(state)
         self.radius, self.begun, self.since = state["radius"], state["begun"], dict(state["since"])
 
-    def _fields(self, scene: Scene, allowed: np.ndarray, modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def _fields(self, scene: Scene, allowed: np.ndarray,
+                modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """(m, D) fields, and (own bodies, m, n) combinations of them that each may move in.
 
         allowed : (12, n) the same of affine fields
@@ -225,7 +249,9 @@ class CoarseCorrection:
         most, = space.team.max(max((mode.shape[1] for mode in modes.values()), default=0))
         count, width = max(int(most), AFFINE), max(int(most), allowed.shape[1])
         fields, combined = np.zeros((count, space.size)), np.zeros((count, width))
-        fields[:AFFINE], combined[:AFFINE, : allowed.shape[1]] = _affine_fields(scene, space, self.parts), allowed
+        fields[:AFFINE], combined[:AFFINE,
+                                  : allowed.shape[1]] = _affine_fields(
+                                      scene, space, self.parts), allowed
         bent = space.trace(space.side_by_side(modes, int(most)))
         for e in modes:
             fields[:, self.parts[e]] = 0.0
@@ -245,14 +271,17 @@ class CoarseCorrection:
 
 def _at_points(sides: Iterable[np.ndarray], kind: type = float) -> np.ndarray:
     """(P, 3, 2n) what fields of the first body and of the second do, (n, 3, P) each."""
-    return np.concatenate([side.transpose(2, 1, 0).astype(kind, order="C") for side in sides], axis=2)
+    return np.concatenate([side.transpose(2, 1, 0).astype(kind, order="C") for side in sides],
+                          axis=2)
 
 
 def _affine_fields(scene: Scene, space: TraceSpace, parts: list[slice]) -> np.ndarray:
-    """(12, D) fields of a rank's bodies, whose trace dofs are the ``parts``: translations, and gradients about the body's centre
+    """(12, D) fields of a rank's bodies, whose trace dofs are the ``parts``: translations, and
+    gradients about the body's centre
     scaled by its size; field 3m + c is monomial m in component c.
 
-    Held dofs are no exception: they do not move, but their force answers a change of s and has to agree with the laws as well.
+    Held dofs are no exception: they do not move, but their force answers a change of s and has to
+    agree with the laws as well.
     """
     fields = np.zeros((AFFINE, space.size))
     for part in parts:

@@ -16,7 +16,8 @@ from numba.extending import get_cython_function_address, intrinsic
 from orchestrator.compiled import compiled, SUMS
 
 
-PRODUCT = get_cython_function_address("scipy.linalg.cython_blas", "dgemm")  # the one that scipy brings
+# the one that scipy brings
+PRODUCT = get_cython_function_address("scipy.linalg.cython_blas", "dgemm")
 REAL = 8  # bytes of a number
 loop = numba.njit(nogil=True, fastmath=SUMS)  # of what compiled loops call
 
@@ -34,8 +35,12 @@ def gemm(typing, routine, shape, scales, a, b, c):
 
     def generate(context, builder, signature, arguments):
         routine, *tuples = arguments
-        (m, n, k), (alpha, beta), (a, lda), (b, ldb), (c, ldc) = (cgutils.unpack_tuple(builder, x) for x in tuples)
-        real, word, letter = context.get_value_type(signature.args[2].dtype), ir.IntType(32), ir.IntType(8)
+        (m, n, k), (alpha, beta), (a, lda), (b, ldb), (c,
+                                                       ldc) = (
+                                                           cgutils.unpack_tuple(builder, x)
+                                                           for x in tuples)
+        real, word, letter = context.get_value_type(signature.args[2].dtype), ir.IntType(
+            32), ir.IntType(8)
 
         def at(value, kind):
             place = cgutils.alloca_once(builder, kind)
@@ -49,8 +54,10 @@ def gemm(typing, routine, shape, scales, a, b, c):
             return builder.inttoptr(address, real.as_pointer())
 
         # row after row is column after column of the transposed, and Cᵀ = Bᵀ Aᵀ
-        given = [at(letter(ord("N")), letter), at(letter(ord("N")), letter), number(n), number(m), number(k), at(alpha, real),
-                 matrix(b), number(ldb), matrix(a), number(lda), at(beta, real), matrix(c), number(ldc)]
+        given = [at(letter(ord("N")), letter), at(letter(ord("N")), letter), number(n), number(m),
+                 number(k), at(alpha, real),
+                 matrix(b), number(ldb), matrix(a), number(lda), at(beta, real), matrix(c),
+                 number(ldc)]
         kind = ir.FunctionType(ir.VoidType(), [x.type for x in given])
         builder.call(builder.inttoptr(routine, kind.as_pointer()), given)
         return context.get_dummy_value()
@@ -83,7 +90,8 @@ def beside_of(f, layout, beside):
 
 @compiled
 def forward(fronts, factors, x):
-    """Eliminate from right-hand sides x (bodies, size), in the order of elimination, what is in fronts, one after the other.
+    """Eliminate from right-hand sides x (bodies, size), in the order of elimination, what is in
+    fronts, one after the other.
 
     factors : ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """

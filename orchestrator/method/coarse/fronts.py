@@ -1,7 +1,9 @@
-"""Elimination of fronts, compiled; ``elimination`` says what a front is, ``front_solves`` solves by their factors.
+"""Elimination of fronts, compiled; ``elimination`` says what a front is, ``front_solves`` solves by
+their factors.
 
-A front lies in three pieces, L what is in the columns that it eliminates, U what is beside these, S what is left. L and U are
-eliminated band after band. With P a band's own square, inverted, C below it and R beside it:
+A front lies in three pieces, L what is in the columns that it eliminates, U what is beside these, S
+what is left. L and U are eliminated band after band. With P a band's own square, inverted, C below
+it and R beside it:
 
     R ← P⁻¹ R,   what is below and beside ← that − C R,     S ← −(C of all bands) U + what the children leave
 
@@ -29,7 +31,8 @@ def eliminate(start, stop, product, blocks, layout, room, runs):
     """
     (own, beside, work), (order, bounds) = room, runs
     band, sizes = layout[0], layout[1]
-    right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[10].size
+    right, most = np.empty(
+        (sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[10].size
     joined = np.empty((most, 3), np.int64)  # runs of neighbours
     for f in order[bounds[start] : bounds[stop]]:
         a, m = sizes[f]
@@ -42,7 +45,8 @@ def eliminate(start, stop, product, blocks, layout, room, runs):
 
 @loop
 def _entered(f, blocks, layout, own, work, right, runs):
-    """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates.
+    """What enters a front: blocks of the matrix, and what its children leave in the rows and
+    columns that it eliminates.
 
     right : (·,) takes U before it is multiplied
     runs : (·, 3) int, to work in
@@ -111,7 +115,8 @@ def _left(f, product, layout, own, beside, work, runs):
             for r in range(size):
                 to = size * within[first + u] + r - a
                 if to >= 0:
-                    _added(work, places[f, 2] + m * to, work, places[c, 2] + m_c * (size * u + r), runs, split, count)
+                    _added(work, places[f, 2] + m * to, work, places[c, 2] + m_c * (size * u + r),
+                           runs, split, count)
 
 
 @loop
@@ -125,7 +130,8 @@ def _copied(given, result):
 
 @loop
 def _runs(within, size, own, runs):
-    """Runs of neighbours in the parent: where to, where from, how long. What is eliminated there comes first, the rest counts
+    """Runs of neighbours in the parent: where to, where from, how long. What is eliminated there
+    comes first, the rest counts
     from its own first row. How many of the first, and of all."""
     split, count = 0, 0
     for v in range(len(within)):
@@ -133,7 +139,8 @@ def _runs(within, size, own, runs):
         if v and within[v] == within[v - 1] + 1 and to != own:
             runs[count - 1, 2] += size
         else:
-            runs[count, 0], runs[count, 1], runs[count, 2] = to if to < own else to - own, size * v, size
+            runs[count, 0], runs[count, 1], runs[count,
+                                                 2] = to if to < own else to - own, size * v, size
             count += 1
         if to < own:
             split = count
@@ -142,7 +149,8 @@ def _runs(within, size, own, runs):
 
 @loop
 def _added(result, to, given, of, runs, first, last):
-    """result += given, run after run, from where ``to`` and ``of`` are on. A view of each would take longer than what is done on it,
+    """result += given, run after run, from where ``to`` and ``of`` are on. A view of each would
+    take longer than what is done on it,
     and indices without a sign are never counted from the end."""
     for v in range(first, last):
         a, b, length = np.uint64(to + runs[v, 0]), np.uint64(of + runs[v, 1]), np.uint64(runs[v, 2])

@@ -48,7 +48,9 @@ class GroupFields:
     def of(cls, groups: NodeGroups, bodies: Bodies, response: Responses) -> GroupFields:
         """Return the fields; all ranks ask together."""
         fields, size = bodies.fields, groups.sums.shape[1]
-        own = times(groups.sums, response.W[:, :size]) / groups.copies - times(groups.C, times(groups.sums, response.F[:, :size]))
+        own = times(groups.sums,
+                    response.W[:, :size]) / groups.copies - times(
+                        groups.C, times(groups.sums, response.F[:, :size]))
         nodes, traces = groups.sums.tocoo().coords
         owner = np.zeros(len(groups.copies))
         owner[nodes] = response.space.owner[traces]
@@ -119,16 +121,22 @@ class GroupFields:
 
     @cached_property
     def _quick(self) -> tuple[tuple, ...]:
-        """Groups that compiled loops answer, their bodies, and the fields at their points, as the loop takes them."""
+        """Groups that compiled loops answer, their bodies, and the fields at their points, as the
+        loop takes them.
+        """
         quick, (first, local, spots, begins) = self.groups.contact, self._blocks
         at, which = quick.order, np.flatnonzero(quick.quick)
         return ((quick.bounds, quick.places, quick.matrices),
-                (bounds_of(np.diff(first)[which]), local[at], spots, begins[which]), (self.T[at], self.D[at]))
+                (bounds_of(np.diff(first)[which]), local[at], spots, begins[which]),
+                (self.T[at], self.D[at]))
 
     @cached_property
     def _others(self) -> tuple[np.ndarray, sp.csr_array, np.ndarray]:
-        """Points (Q,) int of the other groups, 1 − keq S of these, and D (Q, 3, b, n) for each body of their group."""
-        at, (first, local, _, _) = np.flatnonzero(~self.groups.contact.quick[self.groups.group]), self._blocks
+        """Points (Q,) int of the other groups, 1 − keq S of these, and D (Q, 3, b, n) for each body
+        of their group.
+        """
+        at, (first, local, _,
+             _) = np.flatnonzero(~self.groups.contact.quick[self.groups.group]), self._blocks
         dofs, each = rows_of(at, len(self.ends)), np.diff(first)[self.groups.group[at]]
         D = np.zeros((len(at), 3, each.max(initial=0), self.T.shape[3]))
         for side in range(2):
@@ -143,7 +151,8 @@ class GroupFields:
         if len(at):
             groups, bodies, fields = self._quick
             in_parts(added, len(groups[1]), groups, bodies, fields,
-                     (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), SHIFT, blocks, part=len(groups[1]))
+                     (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), SHIFT, blocks,
+                     part=len(groups[1]))
         if len(at) < len(self.ends):
             self._add_others(slope, blocks)
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from orchestrator.compiled import compiled
 
-TOGETHER = 64  # points to a product: enough for it to be quick, and what it takes stays in a core's own cache
+# points to a product: enough for it to be quick, and what it takes stays in a core's own cache
+TOGETHER = 64
 
 
 @compiled
@@ -52,9 +53,11 @@ def moved(start, stop, of, both, weight, result):
 
 @compiled
 def carried(start, stop, of, force, weight, result):
-    """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
+    """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each
+    interface.
 
-    of : L, φ, ``places``, A, ``rows`` and ``shapes`` as ``PairFields`` has them, chosen and bounds as for ``spread``; weight : (P,) ω
+    of : L, φ, ``places``, A, ``rows`` and ``shapes`` as ``PairFields`` has them, chosen and bounds
+        as for ``spread``; weight : (P,) ω
     """
     _, phi, places, A, rows, shapes, chosen, bounds = of
     half = A.shape[1] // 2
@@ -81,16 +84,19 @@ def carried(start, stop, of, force, weight, result):
 
 @compiled
 def slopes(start, stop, of, A, given, weight, wanted, result):
-    """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of those interfaces from start to stop that are wanted (I,) bool, blocks of the two
+    """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of those interfaces from start to stop that
+    are wanted (I,) bool, blocks of the two
     bodies.
 
     of : as for ``carried``; A : the same in L's precision, that of all sums
-    given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each interface start; ∂f̂/∂F (3, 3, R)
+    given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each
+        interface start; ∂f̂/∂F (3, 3, R)
     weight : (P,) ω
     """
     (L, phi, places, _, rows, shapes, chosen, _), (active, first, derivative) = of, given
     size, half = L.shape[2], L.shape[2] // 2
-    fields, share, whole = np.empty((3 * TOGETHER, size), L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
+    fields, share, whole = np.empty((3 * TOGETHER, size),
+                                    L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
     for i in range(start, stop):
         if not wanted[i]:
             continue
@@ -113,7 +119,9 @@ def slopes(start, stop, of, A, given, weight, wanted, result):
                     share[q] = weight[p] * phi[places[i] + m * p + j]
                 for c in range(3):
                     for d in range(3):
-                        row, slope = turned[c * m + j, count * d : count * d + count], derivative[c, d, r : r + count]
+                        row, slope = turned[c * m + j,
+                                            count * d : count * d
+                                            + count], derivative[c, d, r : r + count]
                         for q in range(count):
                             row[q] = share[q] * slope[q]
             np.dot(turned, fields[: 3 * count], some)
@@ -128,7 +136,8 @@ def slopes(start, stop, of, A, given, weight, wanted, result):
 
 @compiled
 def changed(start, stop, bounds, given, kept, result):
-    """result (I,) bool: interfaces from start to stop with a point where ∂f̂/∂F is another than what is ``kept`` (3, 3, Q), which takes over
+    """result (I,) bool: interfaces from start to stop with a point where ∂f̂/∂F is another than
+    what is ``kept`` (3, 3, Q), which takes over
     that of all their points.
 
     bounds, given : as for ``slopes``
@@ -155,9 +164,11 @@ def changed(start, stop, bounds, given, kept, result):
 
 @compiled
 def formed(start, stop, sums, changed, slopes, affine, values, stale):
-    """values (k, n, n) = affine − Σ slopes of the blocks from start to stop into which slopes go that have changed; these are stale (k,).
+    """values (k, n, n) = affine − Σ slopes of the blocks from start to stop into which slopes go
+    that have changed; these are stale (k,).
 
-    sums : (k + 1,) int, where what goes into each block begins in (·,) int, places in slopes (4 I, n, n)
+    sums : (k + 1,) int, where what goes into each block begins in (·,) int, places in slopes (4 I,
+        n, n)
     changed : (I,) bool
     """
     starts, places = sums

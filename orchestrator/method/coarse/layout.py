@@ -23,7 +23,9 @@ import numpy as np
 from orchestrator.method.interface.rows import bounds_of
 
 
-BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
+# rows of a band: products of so many columns are nearly as quick as others, and its inverse costs
+# little beside them
+BAND = 48
 
 
 class Layout(NamedTuple):
@@ -31,11 +33,14 @@ class Layout(NamedTuple):
 
     band : how many rows are eliminated at once
     sizes : (F, 2) int, rows that are eliminated, rows that are left
-    places : (F, 3) int, where a front begins in all L, all U, and all that is left S, see ``placed``
+    places : (F, 3) int, where a front begins in all L, all U, and all that is left S, see
+        ``placed``
     starts : (F,) int, the first body of each
-    enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
+    enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its
+        block row and column
     children : (F + 1,) int, where its children begin in ``child``
-    rests : (F + 1,) int, where the bodies that it leaves begin in ``rest``, and in ``within``: their places in its parent
+    rests : (F + 1,) int, where the bodies that it leaves begin in ``rest``, and in ``within``:
+        their places in its parent
     """
 
     band: int
@@ -58,13 +63,16 @@ class Layout(NamedTuple):
         return result
 
     def placed(self, here: np.ndarray) -> tuple[Layout, np.ndarray]:
-        """The same where some L, U and S, ``here`` (F, 3) bool, lie one after the other; and (3,) how many numbers these are."""
+        """The same where some L, U and S, ``here`` (F, 3) bool, lie one after the other; and (3,)
+        how many numbers these are.
+        """
         a, m = self.sizes.T
         lengths = np.where(here, np.column_stack([(a + m) * a, a * m, m**2]), 0)
         return self._replace(places=np.cumsum(lengths, axis=0) - lengths), lengths.sum(axis=0)
 
     @classmethod
-    def of(cls, fronts: np.ndarray, rests: Sequence[np.ndarray], entries: tuple[np.ndarray, np.ndarray], size: int) -> Layout:
+    def of(cls, fronts: np.ndarray, rests: Sequence[np.ndarray],
+           entries: tuple[np.ndarray, np.ndarray], size: int) -> Layout:
         """Of fronts (F, 2).
 
         rests : per front, ascending, the bodies that it leaves
@@ -76,20 +84,27 @@ class Layout(NamedTuple):
 
         def places(front: int, bodies: np.ndarray) -> np.ndarray:
             """Where some of its bodies are, eliminated ones first."""
-            return np.where(bodies < starts[front + 1], bodies - starts[front], fronts[front, 0] + np.searchsorted(rests[front], bodies))
+            return np.where(bodies < starts[front + 1], bodies - starts[front],
+                            fronts[front, 0] + np.searchsorted(rests[front], bodies))
 
         of = front_of[np.minimum(*entries)]
-        blocks, enters = np.argsort(of, kind="stable"), bounds_of(np.bincount(of, minlength=len(fronts)))
+        blocks, enters = np.argsort(of,
+                                    kind="stable"), bounds_of(
+                                        np.bincount(of, minlength=len(fronts)))
         enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
                  for front, own in enumerate(np.split(blocks, enters[1:-1]))]
         child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
         return cls(max(1, BAND // size) * size, size * fronts,
-            np.zeros((len(fronts), 3), int), starts[:-1], enters, np.concatenate([np.zeros((0, 3), int), *enter]),
-            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, bounds_of(fronts[:, 1]), np.concatenate([none, *rests]),
-            np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
+                   np.zeros((len(fronts), 3), int), starts[:-1], enters,
+                   np.concatenate([np.zeros((0, 3), int), *enter]),
+                   np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child,
+                   bounds_of(fronts[:, 1]), np.concatenate([none, *rests]),
+                   np.concatenate(
+                [none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
 
 
-# Operations that side by side have to save: what it takes to hand them out to cores; to ranks, some messages in every solution too.
+# Operations that side by side have to save: what it takes to hand them out to cores; to ranks, some
+# messages in every solution too.
 WORTH, WORTH_RANKS = 1e7, 1e8
 
 
@@ -97,7 +112,8 @@ class SideBySide(NamedTuple):
     """Which fronts are whose.
 
     order : (F,) int, fronts in the order of work
-    bounds : (k + 2,) int, where each of the k subtrees begins, in the order of their ranks; what is above them; the end
+    bounds : (k + 2,) int, where each of the k subtrees begins, in the order of their ranks; what is
+        above them; the end
     ranks : (ranks + 1,) int, where each rank's subtrees begin
     """
 
@@ -123,7 +139,8 @@ class SideBySide(NamedTuple):
         return self.order[self.bounds[self.ranks[rank]] : self.bounds[self.ranks[rank + 1]]]
 
 
-def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: int = 1) -> SideBySide:
+def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int,
+                 ranks: int = 1) -> SideBySide:
     """Deal out the fronts.
 
     parent : (F,) int, of each front, which comes later; −1: of none
@@ -151,11 +168,14 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: 
         if parent[f] >= 0 and label[f] == len(chosen):
             label[f] = label[parent[f]]
     bounds = bounds_of(np.bincount(label, minlength=len(chosen) + 1))
-    return SideBySide(np.argsort(label, kind="stable"), bounds, np.searchsorted(np.sort(of), np.arange(ranks + 1)))
+    return SideBySide(np.argsort(label, kind="stable"), bounds,
+                      np.searchsorted(np.sort(of), np.arange(ranks + 1)))
 
 
-def _cut(roots: np.ndarray, children: list[list[int]], operations: np.ndarray, whole: np.ndarray, cores: int, worth: float) -> list[int]:
-    """Subtrees to be eliminated side by side, the largest first; none where that saves less than ``worth`` operations.
+def _cut(roots: np.ndarray, children: list[list[int]], operations: np.ndarray, whole: np.ndarray,
+         cores: int, worth: float) -> list[int]:
+    """Subtrees to be eliminated side by side, the largest first; none where that saves less than
+    ``worth`` operations.
 
     roots, children : of the tree; operations, whole : of each front, and of its subtree
     """

@@ -57,7 +57,8 @@ class LinearSteps:
         if groups is not None:
             alone[groups.chosen] = 0.0
         each = team.all_gather(pairs)
-        assembly = Assembly(team, np.concatenate(each), list(map(len, each)), fields.count, fields.size,
+        assembly = Assembly(team, np.concatenate(each), list(map(len, each)), fields.count,
+                            fields.size,
                             np.lexsort(np.sort(np.concatenate(each), axis=1).T))
         return cls(bodies, assembly, grouped, alone)
 
@@ -74,7 +75,8 @@ class NodeStep:
         step
     """
 
-    def __init__(self, of: LinearSteps, t: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
+    def __init__(self, of: LinearSteps, t: int, number: int, F0: np.ndarray, resultant: np.ndarray,
+                 before: History,
                  anchor: np.ndarray, nodes: NodeStage | None):
         self.of, self.t, self.number, self.F0, self.resultant = of, t, number, F0, resultant
         self.before, self.anchor, self.nodes = before, anchor, nodes
@@ -105,13 +107,16 @@ class NodeStep:
         fields, grouped, assembly = self.of.bodies.fields, self.of.grouped, self.of.assembly
         answer = fields.pairs.force(self.F, self.before, self.number, derivative=True)
         every = np.arange(self.F.shape[1])
-        slopes = fields.slopes(replace(answer, active=every, derivative=fields.pairs.slopes(answer, SPRINGS)), self.of.alone)
+        slopes = fields.slopes(replace(answer, active=every,
+                                       derivative=fields.pairs.slopes(answer, SPRINGS)),
+                               self.of.alone)
         slopes = slopes[self.of.bodies.counted]
         if grouped is not None:
             result = np.zeros((len(grouped.pairs), *slopes.shape[1:]))
             result[: len(slopes)] = slopes
             laws, asked = grouped.groups.laws, self.nodes.question
-            answer = laws.force(asked.predicted(self.nodes.q[self.t]), asked.before, self.number, derivative=True)
+            answer = laws.force(asked.predicted(self.nodes.q[self.t]), asked.before, self.number,
+                                derivative=True)
             grouped.add(laws.slopes(answer, SPRINGS), result)
             slopes = result
         return assembly.values(-slopes.astype(fields.all_L.dtype), self.of.bodies.K0)

@@ -1,11 +1,13 @@
-"""One load step of the coarse contact problem: its imbalance ρ, and the pairs near enough to matter.
+"""One load step of the coarse contact problem: its imbalance ρ, and the pairs near enough to
+matter.
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y)
 
-Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part is affine, and summed
-once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
+Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part
+is affine, and summed once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
 
-Among ranks, what belongs to an interface is formed by one that touches it, see ``dealt``. ρ is summed.
+Among ranks, what belongs to an interface is formed by one that touches it, see ``dealt``. ρ is
+summed.
 """
 
 from __future__ import annotations
@@ -67,8 +69,10 @@ class Bodies:
         return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
 
     @classmethod
-    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, rigid: int = 0) -> Bodies:
-        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank. ``rigid`` : as
+    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray,
+           rigid: int = 0) -> Bodies:
+        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the
+        bodies of this rank. ``rigid`` : as
         for ``BlockPattern``."""
         chosen = dealt(team, own, fields)
         counted, theirs = np.flatnonzero(chosen), np.repeat(chosen, np.diff(fields.pairs.bounds))
@@ -77,8 +81,10 @@ class Bodies:
         everyones = sum(each, [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order, rigid)
-        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None).stabilised(fields)
+        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order,
+                            rigid)
+        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None,
+                   None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
@@ -87,11 +93,13 @@ class Bodies:
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
             weight, every = 1 - epsilon, np.arange(len(self.theirs))
-            slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
+            slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every,
+                                          np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    epsilon)[counted]
             here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
-        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0))
+        return replace(self, fields=fields, weight=weight, springs=springs,
+                       affine=self.assembly.values(-slopes, self.K0))
 
 
 class LoadStep:
@@ -103,10 +111,12 @@ class LoadStep:
     resultant : (bodies, n) Uᵀf
     before : what the load step before has left
     anchor : (3, P) jump at which springs carry nothing; None: the one before
-    F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its ΣTᵀε L y, with which ρ was formed last
+    F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its
+        ΣTᵀε L y, with which ρ was formed last
     """
 
-    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray,
+                 before: History,
                  anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
         self.resisted = np.zeros_like(resultant)
@@ -115,7 +125,8 @@ class LoadStep:
             self.resisted = bodies.fields.carried(resisted, bodies.resisting)
         chosen, self.fields = bodies.summed
         whole = len(chosen) == F0.shape[1]
-        self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1), before.take(chosen))
+        self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1),
+                                                           before.take(chosen))
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ; the forces that it was formed with are kept for ``matrix``."""
@@ -131,7 +142,8 @@ class LoadStep:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
         bodies = self.bodies
         stiff = np.einsum("bij,bj->bi", bodies.K0, y)
-        return stiff, np.zeros_like(y) if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
+        return stiff, np.zeros_like(y) if bodies.springs is None else (
+            bodies.springs @ y.ravel()).reshape(y.shape)
 
     def imbalance(self, force: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ with forces (3, Q)."""
@@ -146,7 +158,9 @@ class LoadStep:
         return self.resultant + self.stiff - carried
 
     def matrix(self) -> np.ndarray:
-        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this rank's fronts."""
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this
+        rank's fronts.
+        """
         return self.bodies.assembly.matrix(self.bodies, self.answer(self.F, derivative=True))
 
     def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
@@ -178,7 +192,8 @@ class Line:
         at.F = self.F + theta * self.dF
         force, team = at.answer(at.F).force, at.bodies.team
         work = np.vdot(self.against, force) + self.springs[0] + theta * self.springs[1]
-        if team.size > 1 and theta == 1:  # many lines end at their first point: what ρ needs there travels along
+        # many lines end at their first point: what ρ needs there travels along
+        if team.size > 1 and theta == 1:
             work, carried = team.sum(work, at.carried(force, at.sprung + theta * self.sprung))
         elif team.size > 1:
             work, = team.sum(work)
@@ -196,14 +211,18 @@ class Line:
 
 
 def dealt(team: Team, own: np.ndarray, fields: PairFields) -> np.ndarray:
-    """(I,) bool, which of the interfaces that this rank touches it adds up; of all ranks each interface is one's, and every rank has as many
+    """(I,) bool, which of the interfaces that this rank touches it adds up; of all ranks each
+    interface is one's, and every rank has as many
     node pairs to work on as can be.
 
-    Those that it alone touches are its own. Of those between two ranks the largest go first, each to the one that has less.
+    Those that it alone touches are its own. Of those between two ranks the largest go first, each
+    to the one that has less.
 
     own : (b,) int, the bodies of this rank
     """
-    inside, index = np.isin(fields.ends, own).all(axis=1), np.array([i.index for i in fields.pairs.interfaces], dtype=int)
+    inside, index = np.isin(fields.ends,
+                            own).all(axis=1), np.array([i.index for i in fields.pairs.interfaces],
+                                                       dtype=int)
     pairs = np.diff(fields.pairs.bounds)
     everyones = team.all_gather((pairs[inside].sum(), index[~inside], pairs[~inside]))
     load = np.array([alone for alone, _, _ in everyones], float)

@@ -1,11 +1,13 @@
-"""Semismooth Newton's method for a load step of the coarse contact problem, searched along its lines.
+"""Semismooth Newton's method for a load step of the coarse contact problem, searched along its
+lines.
 
     (K₀ − ΣTᵀA L + δ) dy = −ρ(y),    y ← y + θ dy,    |dy·ρ(y + θ dy)| ≤ ½ |dy·ρ(y)|
 
-A loose body feels nothing until it touches, then more than before: ‖ρ‖ does not tell how far to go. The work of the
-imbalance along the line does (Matthies & Strang, Int. J. Numer. Meth. Engng 14, 1979): without friction it is the
-slope of a convex energy, negative up to its least value. A point of the line costs the laws at the pairs, a tenth of what the
-line costs. The shift δ is none to speak of unless friction makes a line rise from its start.
+A loose body feels nothing until it touches, then more than before: ‖ρ‖ does not tell how far to go.
+The work of the imbalance along the line does (Matthies & Strang, Int. J. Numer. Meth. Engng 14,
+1979): without friction it is the slope of a convex energy, negative up to its least value. A point
+of the line costs the laws at the pairs, a tenth of what the line costs. The shift δ is none to
+speak of unless friction makes a line rise from its start.
 """
 
 from __future__ import annotations
@@ -16,11 +18,16 @@ import numpy as np
 
 from orchestrator.method.coarse.load_step import Line, LoadStep
 
-LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how much it grows, beyond what nothing is tried
+# shift relative to k: the first, by how much it grows, beyond what nothing is tried
+LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3
 LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
 POINTS = 20  # of a line: regula falsi halves what is left in each but a few
-SHORT = 1e-2  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
-FINE, FOLLOWED = 1e-3, 4  # the same where it costs no factors, so that loose bodies stand where they stand; steps to get there
+# last step over all of them together, from which bodies have arrived: forces tell little of where
+# loose ones are
+SHORT = 1e-2
+# the same where it costs no factors, so that loose bodies stand where they stand; steps to get
+# there
+FINE, FOLLOWED = 1e-3, 4
 
 
 class Newton:
@@ -42,9 +49,11 @@ class Newton:
         self._whole = False
 
     def solved(self, reduction: float, goal: float = 0.0) -> bool:
-        """Whether ‖ρ‖ has come down to a share of the start's, or to a goal, and bodies that all have a place hardly move any more.
+        """Whether ‖ρ‖ has come down to a share of the start's, or to a goal, and bodies that all
+        have a place hardly move any more.
 
-        Where a whole step has led that far, steps by its own factors follow: they show as well that bodies have arrived.
+        Where a whole step has led that far, steps by its own factors follow: they show as well that
+        bodies have arrived.
         """
         if self.size > max(reduction * self.start, goal):
             return False
@@ -97,14 +106,15 @@ class Newton:
 def search(work: Callable[[float], float], first: float) -> float:
     """θ in (0, 1] where the work along a line has come down to a part of the first.
 
-    Beyond the whole step's work comes the root of a parabola: it begins with the slope that makes the whole step Newton's, and
-    bends up as pairs close on the way. Then the Illinois rule.
+    Beyond the whole step's work comes the root of a parabola: it begins with the slope that makes
+    the whole step Newton's, and bends up as pairs close on the way. Then the Illinois rule.
     """
     low, at_low, high, at_high, theta = 0.0, first, None, 0.0, 1.0
     before = 0
     for _ in range(POINTS):
         here = work(theta)
-        if not abs(here) > LEFT * abs(first) or (here < 0 and high is None):  # what is no number has no root
+        # what is no number has no root
+        if not abs(here) > LEFT * abs(first) or (here < 0 and high is None):
             break
         side = 1 if here > 0 else -1
         if side > 0:

@@ -1,12 +1,14 @@
 """Fields of the two bodies of an interface at its points, and what is summed over the points.
 
-The fields U of a body are combinations of 1, x, y, z in each component. What both bodies move at the points of an interface,
-T = [G₁U₁, −G₂U₂], has therefore few shapes φ, and forces do work in it through a few moments alone:
+The fields U of a body are combinations of 1, x, y, z in each component. What both bodies move at
+the points of an interface, T = [G₁U₁, −G₂U₂], has therefore few shapes φ, and forces do work in it
+through a few moments alone:
 
     T = (1₃ ⊗ φ) A,     Tᵀf̂ = Aᵀ Σ f̂ ⊗ φ,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (∂f̂/∂F ⊗ φ) L
 
-φ are singular vectors of T: four where nodes match, some more where sides are apart, components are prescribed or a link takes
-the turn of facets along, as many as there are points where a body moves in modes of its own.
+φ are singular vectors of T: four where nodes match, some more where sides are apart, components are
+prescribed or a link takes the turn of facets along, as many as there are points where a body moves
+in modes of its own.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.interface import ends_of
 from orchestrator.linalg import svd
 
-EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
+# singular value of T, over the largest, that is rounding: forces are in balance at the end only if
+# T is exact
+EXACT = 1e-13
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
 SLOPES = 4  # how much longer pairs take whose slopes are summed
 
@@ -35,11 +39,13 @@ class PairFields:
     """Fields at all or some of the node pairs of a set of interfaces.
 
     pairs : Q of the points, of I interfaces
-    phi : shapes φ at all P points, as many numbers of each as its interface has ``shapes`` (I,) m: those of p begin at ``places`` (I,) + m p
-    A : (R, 2n), for each interface 3m rows, components outside, from ``rows`` (I,) on: from the fields of the first body, then of the
-        second, to the shapes of T
-    all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all points. In single precision: reading it
-        is what a sum over points costs, and a correction whose forces are off by a ten-millionth corrects as well
+    phi : shapes φ at all P points, as many numbers of each as its interface has ``shapes`` (I,) m:
+        those of p begin at ``places`` (I,) + m p
+    A : (R, 2n), for each interface 3m rows, components outside, from ``rows`` (I,) on: from the
+        fields of the first body, then of the second, to the shapes of T
+    all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all points. In single
+        precision: reading it is what a sum over points costs, and a correction whose forces are off
+        by a ten-millionth corrects as well
     ends : (I, 2) int, the two bodies of each interface, of ``count`` of all ranks
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
     single : A in the precision of ``all_L``
@@ -60,15 +66,19 @@ class PairFields:
     @classmethod
     def of(cls, pairs: Pairs, T: np.ndarray, L: np.ndarray, count: int) -> PairFields:
         """From T and L (P, 3, 2n)."""
-        width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]  # none of no interface
+        # none of no interface
+        width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]
         for a, b in zip(bounds[:-1], bounds[1:]):
             shapes, size, mixed = svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
             kept = int((size > EXACT * size.max(initial=0.0)).sum())
             phi.append(shapes[:, :kept].ravel())
-            A.append((size[:kept, None] * mixed[:kept]).reshape(-1, 3, width).swapaxes(0, 1).reshape(-1, width))
+            A.append(
+                (size[:kept, None] * mixed[:kept]).reshape(-1, 3,
+                                                           width).swapaxes(0, 1).reshape(-1, width))
         shapes = np.array([len(each) // 3 for each in A[1:]], dtype=int)
         places = np.cumsum([len(each) for each in phi])[:-1] - shapes * bounds[:-1]
-        return cls(pairs, np.concatenate(phi), places, np.concatenate(A), 3 * (np.cumsum(shapes) - shapes), shapes,
+        return cls(pairs, np.concatenate(phi), places, np.concatenate(A),
+                   3 * (np.cumsum(shapes) - shapes), shapes,
                    np.ascontiguousarray(L, dtype=np.float32), ends_of(pairs.interfaces), count)
 
     def __post_init__(self) -> None:
@@ -82,11 +92,14 @@ class PairFields:
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
 
     def touching(self, bodies: np.ndarray) -> tuple[np.ndarray, PairFields]:
-        """The pairs of interfaces that touch some of the bodies (k,) int, (R,) int among these, and the fields at them."""
+        """The pairs of interfaces that touch some of the bodies (k,) int, (R,) int among these, and
+        the fields at them.
+        """
         touched = np.isin(self.ends, bodies).any(axis=1)
         chosen = np.flatnonzero(np.repeat(touched, np.diff(self.pairs.bounds)))
         of = {name: getattr(self, name)[touched] for name in ("ends", "places", "rows", "shapes")}
-        return chosen, replace(self, pairs=self.pairs.some(chosen).among(touched), chosen=self.chosen[chosen], **of)
+        return chosen, replace(self, pairs=self.pairs.some(chosen).among(touched),
+                               chosen=self.chosen[chosen], **of)
 
     def with_springs(self, pairs: Pairs) -> PairFields:
         """The same fields at the same pairs, whose springs of stabilisation may be others."""
@@ -116,7 +129,8 @@ class PairFields:
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
         F = np.array(F0, order="C")
-        in_parts(spread, len(self.ends), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part(len(self.chosen)))
+        in_parts(spread, len(self.ends), self.all_L, self.chosen, self.pairs.bounds, self.both(y),
+                 F, part=self.part(len(self.chosen)))
         return F
 
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,45 +150,56 @@ class PairFields:
         weight : (P,) ω of all points
         """
         each = np.empty((len(self.ends), 2, self.size))
-        in_parts(carried, len(each), self._of, np.ascontiguousarray(force), weight, each, part=self.part(len(self.chosen)))
+        in_parts(carried, len(each), self._of, np.ascontiguousarray(force), weight, each,
+                 part=self.part(len(self.chosen)))
         return self._sums @ each.reshape(-1, self.size)
 
     @cached_property
     def _sums(self) -> sp.csr_array:
         """(bodies, 2I) 0/1, what interfaces bring their bodies."""
         sides = self.ends.size
-        return sp.csr_array((np.ones(sides), (self.ends.ravel(), np.arange(sides))), shape=(self.count, sides))
+        return sp.csr_array((np.ones(sides), (self.ends.ravel(), np.arange(sides))),
+                            shape=(self.count, sides))
 
     def no_slopes(self) -> np.ndarray:
         """(I, 2, 2, n, n) room for slopes."""
         return np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
 
-    def slopes(self, answer: Answer, weight: np.ndarray, wanted: np.ndarray | None = None, instead: np.ndarray | None = None) -> np.ndarray:
-        """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``.
+    def slopes(self, answer: Answer, weight: np.ndarray, wanted: np.ndarray | None = None,
+               instead: np.ndarray | None = None) -> np.ndarray:
+        """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for
+        ``carried``.
 
         wanted : (I,) bool, of which interfaces; default: all
         instead : those of the others, whose place these take
         """
         result = self.no_slopes() if instead is None else instead
         wanted = np.ones(len(result), bool) if wanted is None else wanted
-        part = self.part(SLOPES * len(answer.active) * np.count_nonzero(wanted) // max(1, len(wanted)))
-        in_parts(slopes, len(result), self._of, self.single, self._given(answer), weight, wanted, result, part=part)
+        part = self.part(SLOPES * len(answer.active)
+                         * np.count_nonzero(wanted) // max(1, len(wanted)))
+        in_parts(slopes, len(result), self._of, self.single, self._given(answer), weight, wanted,
+                 result, part=part)
         self._collective(answer, weight, result)
         return result
 
     def changed(self, answer: Answer, kept: np.ndarray) -> np.ndarray:
-        """(I,) bool, interfaces whose ∂f̂/∂F is another than what was kept (3, 3, Q), which takes it over; all that have
+        """(I,) bool, interfaces whose ∂f̂/∂F is another than what was kept (3, 3, Q), which takes
+        it over; all that have
         points that answer together."""
         result = np.empty(len(self.ends), bool)
-        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), kept, result, part=self.part(len(self.chosen)))
+        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), kept, result,
+                 part=self.part(len(self.chosen)))
         if answer.collective is not None:
             for at, _, _ in answer.collective.groups():
-                result[self._interface(at)], kept[:, :, at] = True, np.inf  # and where they do so no more, the next time
+                # and where they do so no more, the next time
+                result[self._interface(at)], kept[:, :, at] = True, np.inf
         return result
 
     def _given(self, answer: Answer) -> tuple[np.ndarray, ...]:
         """Slopes as loops take them."""
-        return answer.active, np.searchsorted(answer.active, self.pairs.bounds), np.ascontiguousarray(answer.derivative)
+        return answer.active, np.searchsorted(answer.active,
+                                              self.pairs.bounds), np.ascontiguousarray(
+                                                  answer.derivative)
 
     def _interface(self, at: np.ndarray) -> int:
         """The one that points are of."""
@@ -194,7 +219,9 @@ class PairFields:
     def T(self) -> np.ndarray:
         """(Q, 3, 2n), zero in components that are prescribed."""
         result, bounds = np.empty((len(self.chosen), 3, 2 * self.size)), self.pairs.bounds
-        for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, self.shapes, self.places):
+        for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, self.shapes,
+                                       self.places):
             phi = self.phi[place + m * self.chosen[a:b, None] + np.arange(m)]
-            result[a:b] = np.einsum("pm,imf->pif", phi, self.A[row : row + 3 * m].reshape(3, m, 2 * self.size))
+            result[a:b] = np.einsum("pm,imf->pif", phi,
+                                    self.A[row : row + 3 * m].reshape(3, m, 2 * self.size))
         return result

@@ -1,4 +1,5 @@
-"""Fields of bodies' traces and what the linear stage answers to them: what the coarse contact problem moves bodies in.
+"""Fields of bodies' traces and what the linear stage answers to them: what the coarse contact
+problem moves bodies in.
 
     U,   V = k U,   W = N M⁻¹NᵀV,   F = V − k W
 
@@ -35,17 +36,21 @@ class Responses:
     @property
     def body(self) -> np.ndarray:
         """(B,) int, the subdomain of each boundary dof."""
-        return np.repeat(self.space.subdomains, [part.stop - part.start for part in self.space.boundary])
+        return np.repeat(self.space.subdomains,
+                         [part.stop - part.start for part in self.space.boundary])
 
     @classmethod
     def of(cls, stage: LinearStage, fields: np.ndarray, allowed: np.ndarray) -> Responses:
-        """To combinations (own bodies, m, n) of fields (m, D), made orthonormal: U k Uᵀ = 1; what depends on others becomes zero.
+        """To combinations (own bodies, m, n) of fields (m, D), made orthonormal: U k Uᵀ = 1; what
+        depends on others becomes zero.
 
-        On a body that has a single plane interface, the gradients along its normal do. What the first half moves stays with the first half.
+        On a body that has a single plane interface, the gradients along its normal do. What the
+        first half moves stays with the first half.
         """
         k, space = stage.direction.k, stage.space
         grams = per_body(space, fields, times(k, fields))
-        R = np.array([_nested(gram, may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
+        R = np.array([_nested(gram, may) for gram, may in zip(grams, allowed)]).reshape(
+            allowed.shape)
         U = combined(fields, R, space.parts)
         V = times(k, U)
         u = stage.solve(space.loads(V))
@@ -54,14 +59,18 @@ class Responses:
 
 
 def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:
-    """(m, n) combinations of what a body may move in (m, n), orthonormal: the first half of them, then what these leave of the others."""
+    """(m, n) combinations of what a body may move in (m, n), orthonormal: the first half of them,
+    then what these leave of the others.
+    """
     half = may.shape[1] // 2
     first, others = may[:, :half], may[:, half:]
     return _beside(first @ orthonormal(first.T @ gram @ first), others, gram)
 
 
 def _beside(first: np.ndarray, others: np.ndarray, gram: np.ndarray) -> np.ndarray:
-    """(m, n) combinations: the first, which are orthonormal, and what they leave of the others, orthonormal."""
+    """(m, n) combinations: the first, which are orthonormal, and what they leave of the others,
+    orthonormal.
+    """
     largest = float(np.einsum("ij,ik,kj->j", others, gram, others).max(initial=0.0))
     others = others - first @ (first.T @ gram @ others)
     return np.hstack([first, others @ orthonormal(others.T @ gram @ others, largest)])
@@ -76,7 +85,9 @@ def combined(fields: np.ndarray, R: np.ndarray, parts: list[slice]) -> np.ndarra
 
 
 def per_body(space: TraceSpace, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie together."""
+    """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie
+    together.
+    """
     result = np.zeros((len(space.subdomains), len(a), len(b)))
     for e, part in enumerate(space.parts):
         result[e] = a[:, part] @ b[:, part].T

@@ -43,7 +43,8 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Scene
 
-# Normal forces whose sum is this small beside what the interface that carries most does have no centre: iterations leave as much.
+# Normal forces whose sum is this small beside what the interface that carries most does have no
+# centre: iterations leave as much.
 NO_CENTRE = 1e-6
 
 
@@ -76,8 +77,12 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
         arm = at.points - np.repeat(at.centre, at.counts, axis=0)
         push = np.einsum("tni,ni->tn", forces, at.normals)
         total[:, of, :3], total[:, of, 3:] = at.sums(forces), at.sums(np.cross(arm, forces))
-        pressed[:, of], size[:, of], weighted[:, of] = at.sums(push), at.sums(np.linalg.norm(forces, axis=2)), at.sums(push[:, :, None] * arm)
-    total, weighted, pressed, size, centre, area = space.team.sum(total, weighted, pressed, size, centre, area)
+        pressed[:, of], size[:, of], weighted[:,
+                                              of] = at.sums(push), at.sums(
+                                                  np.linalg.norm(forces, axis=2)), at.sums(
+                                                      push[:, :, None] * arm)
+    total, weighted, pressed, size, centre, area = space.team.sum(
+        total, weighted, pressed, size, centre, area)
     known = (np.abs(pressed) > NO_CENTRE * size.max(initial=0.0)) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
@@ -105,35 +110,45 @@ def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[ProbeRim]) -> np.ndar
     return d.space.team.sum(total)[0]
 
 
-def carried(d: Decomposition, parts: Parts, f: np.ndarray, wanted: ForceProbes) -> dict[str, np.ndarray]:
-    """Name of each probe of forces → (T, c) what they are, of all ranks: of displacements in equilibrium with interface forces f (T, D)."""
-    own = [Measured(probe.weights, np.zeros_like(probe.given)).of(parts) for probe in wanted.carried.values()]
-    found = {name: probe.given + here for (name, probe), here in zip(wanted.carried.items(), d.space.team.sum(*own) if own else ())}
+def carried(d: Decomposition, parts: Parts, f: np.ndarray,
+            wanted: ForceProbes) -> dict[str, np.ndarray]:
+    """Name of each probe of forces → (T, c) what they are, of all ranks: of displacements in
+    equilibrium with interface forces f (T, D).
+    """
+    own = [Measured(probe.weights, np.zeros_like(probe.given)).of(parts)
+           for probe in wanted.carried.values()]
+    found = {name: probe.given + here
+             for (name, probe), here in zip(wanted.carried.items(),
+                                            d.space.team.sum(*own) if own else ())}
     return found | {name: found[name] - at_rim(d, f, rims) for name, rims in wanted.rims.items()}
 
 
 class _Surfaces:
     """The first sides of interfaces that have nodes, one after the other.
 
-    points, normals : (N, 3); counts : (I,) int, nodes of each; area : (I,); centre : (I, 3) of area, or of nodes alone
+    points, normals : (N, 3); counts : (I,) int, nodes of each; area : (I,); centre : (I, 3) of
+        area, or of nodes alone
     """
 
     def __init__(self, scene: Scene, own: Sequence[Interface]):
         self.counts = np.array([len(i.nodes[0]) for i in own])
         self._starts = np.cumsum(self.counts) - self.counts
         self.points = np.concatenate([scene.side_points(i, 0) for i in own])
-        corners = np.concatenate([i.triangles[:, :3] + start for i, start in zip(own, self._starts)])
+        corners = np.concatenate([i.triangles[:, :3] + start
+                                  for i, start in zip(own, self._starts)])
         facets = np.repeat(np.arange(len(own)), [len(i.triangles) for i in own])
         each = areas(self.points, corners)
         self.area = np.bincount(facets, each, len(own))
-        moments = np.stack([np.bincount(facets, each * x, len(own)) for x in self.points[corners].mean(axis=1).T], axis=1)
+        moments = np.stack([np.bincount(facets, each * x, len(own))
+                            for x in self.points[corners].mean(axis=1).T], axis=1)
         covered = self.area[:, None] > 0
         self.centre = np.where(covered, moments / np.where(covered, self.area[:, None], 1.0),
                                self.sums(self.points[None])[0] / self.counts[:, None])
         self.normals = np.zeros_like(self.points)
         for width in {i.triangles.shape[1] for i in own}:  # elsewhere they are zero
             self.normals += node_normals(self.points, np.concatenate(
-                [i.triangles + start for i, start in zip(own, self._starts) if i.triangles.shape[1] == width]))
+                [i.triangles + start for i, start in zip(own, self._starts)
+                 if i.triangles.shape[1] == width]))
         for i, start in zip(own, self._starts):
             if i.normals is not None:
                 self.normals[start : start + len(i.normals)] = i.normals
@@ -143,22 +158,28 @@ class _Surfaces:
         return np.add.reduceat(values, self._starts, axis=1)
 
 
-def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants, team: Team) -> list[dict[str, object]] | None:
-    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, a point of its cut, and per load step the
+def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants,
+                team: Team) -> list[dict[str, object]] | None:
+    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, a
+    point of its cut, and per load step the
     following; on rank 0, of all ranks' interfaces
 
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
-    - shear, across the axis; bending and torsion, moments about the middle of the section where its plane cuts it
+    - shear, across the axis; bending and torsion, moments about the middle of the section where its
+    plane cuts it
     - shortening, a length: how much the cut's sides have gone into each other along the axis
     - state: what its law says it does
     """
     told, kinds = {}, dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
-    there = {scene.opening[place].index: own for place, own in zip(interfaces.index, interfaces.each())}
+    there = {scene.opening[place].index: own
+             for place, own in zip(interfaces.index, interfaces.each())}
     for number, bolt in enumerate(scene.bolts):
         if (at := bolt.interface.index) in there:
             k, own = there[at]
-            area, force, middle = interfaces.area[own], resultants.force[:, at], resultants.centre[at]
-            lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis  # the section zigzags along the mesh's faces
+            area, force, middle = interfaces.area[own], resultants.force[:, at], resultants.centre[
+                at]
+            # the section zigzags along the mesh's faces
+            lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis
             moment = resultants.moment[:, at] - np.cross(lift, force)
             along, turning = force @ bolt.axis, moment @ bolt.axis
             told[number] = {
@@ -166,11 +187,15 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultant
                 "cut": bolt.point.tolist(),
                 "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
                 "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
-                "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(), "torsion": turning.tolist(),
+                "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(),
+                "torsion": turning.tolist(),
                 "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
-                "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))] for row in interfaces.status[:, own]]}
+                "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))]
+                          for row in interfaces.status[:, own]]}
     everyone = team.gather(told)
-    return everyone and [row for _, row in sorted((item for one in everyone for item in one.items()), key=lambda item: item[0])]
+    return everyone and [row
+                         for _, row in sorted((item for one in everyone for item in one.items()),
+                                              key=lambda item: item[0])]
 
 
 @dataclass(frozen=True)
@@ -178,12 +203,15 @@ class Balance:
     """Forces and moments left unbalanced, T load steps, b bodies."""
 
     names: list[str]  # (b,) of a piece of each body
-    left: np.ndarray  # (T, b, 6) force, and moment over the scene's size; 0 where a part whose mesh is not ours has supports inside
+    # (T, b, 6) force, and moment over the scene's size; 0 where a part whose mesh is not ours has
+    # supports inside
+    left: np.ndarray
     size: np.ndarray  # (T, b) sum of the magnitudes of these forces
 
 
 def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None,
-            iterated: Iterated | None = None, taken: list[np.ndarray | None] | None = None) -> Balance:
+            iterated: Iterated | None = None, taken: list[np.ndarray | None]
+            | None = None) -> Balance:
     """All bodies' balance.
 
     parts, f : as recovered, and (T, D) interface forces
@@ -194,7 +222,8 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     scene = d.scene
     count, body = bodies_of(scene, lambda law: law.perfect)
     nodes = scene.mesh.nodes
-    ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3)) * np.array([[-1], [1]])
+    ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)),
+                      (2, 3)) * np.array([[-1], [1]])
     centre, extent = ends.mean(axis=0), size_of(ends)
     left, size = np.zeros((scene.steps, count, 6)), np.zeros((scene.steps, count))
 
@@ -225,7 +254,8 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                 for e, x, acting in zip(i.subdomains, places, pair):
                     add(e, x, acting)
     apart = [] if d.space.by_nodes else scene.interfaces
-    handed = d.space.transfer.opposed(d.space.transfer.carried(*d.space.extended(f))) if apart else f
+    handed = d.space.transfer.opposed(
+        d.space.transfer.carried(*d.space.extended(f))) if apart else f
     for i in apart:  # bonded sides that are a little apart hand on a couple
         if i.law.perfect and i.subdomains[0] in d.space.subdomains:
             for side, dofs in enumerate(d.space.sides[i.index]):
@@ -244,7 +274,9 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
 
 
 def at_nodes(mortar: Mortar, q: np.ndarray) -> list[np.ndarray]:
-    """Return (T, n, 3) at the nodes of either side what forces (T, p, 3) of points on the first do."""
+    """Return (T, n, 3) at the nodes of either side what forces (T, p, 3) of points on the first
+    do.
+    """
     rows = q.reshape(len(q), -1)
     return [(operator.T @ (sign * rows).T).T.reshape(len(q), -1, 3)
             for operator, sign in ((mortar.first, 1), (mortar.second, -1))]
@@ -252,7 +284,9 @@ def at_nodes(mortar: Mortar, q: np.ndarray) -> list[np.ndarray]:
 
 def _slid_on(d: Decomposition,
              iterated: Iterated) -> Iterator[tuple[slice, Interface, list[np.ndarray]]]:
-    """Per load step and interface whose sides slide on, what its points do at the nodes of either side, (n, 3) each."""
+    """Per load step and interface whose sides slide on, what its points do at the nodes of either
+    side, (n, 3) each.
+    """
     mine = {i.index for i in own_interfaces(d)}
     w, f = iterated.fields.extended
     for t, pairs, _ in iterated.by_pairing(d):

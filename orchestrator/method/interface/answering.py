@@ -1,4 +1,6 @@
-"""Points and their laws: what all of them answer to the forces that their search directions predict."""
+"""Points and their laws: what all of them answer to the forces that their search directions
+predict.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +34,16 @@ class History:
         """The past of some of the pairs."""
         if isinstance(chosen, slice):
             return History(self.jump[:, chosen], {name: x[chosen] for name, x in self.own.items()})
-        return History(self.jump.take(chosen, axis=1), {name: x.take(chosen) for name, x in self.own.items()})
+        return History(self.jump.take(chosen, axis=1),
+                       {name: x.take(chosen) for name, x in self.own.items()})
 
     def among(self, count: int) -> History:
-        """The past of more pairs, the first of which are these; nothing has happened to the others."""
+        """The past of more pairs, the first of which are these; nothing has happened to the
+        others.
+        """
         rest = count - self.jump.shape[1]
-        return History(np.pad(self.jump, ((0, 0), (0, rest))), {name: np.pad(x, (0, rest)) for name, x in self.own.items()})
+        return History(np.pad(self.jump, ((0, 0), (0, rest))),
+                       {name: np.pad(x, (0, rest)) for name, x in self.own.items()})
 
 
 @dataclass
@@ -54,7 +60,8 @@ class Answering:
 
     runs : the laws and their points, in order
     free : (3, P) bool, components that there are: not those that are prescribed
-    stabilisation : (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
+    stabilisation : (P,) ε of every point, see ``stabilisation``; None where contacts are not
+        stabilised
     """
 
     runs: list[Run]
@@ -78,32 +85,42 @@ class Answering:
         before : what the load step before has left
         step : of the scene, one of ``numbers``
         """
-        parts = [(run.part, run.law.force(run.points.at(step, self._own(run, before)), F[:, run.part],
-                                          before.jump[:, run.part], derivative)) for run in self.runs]
+        parts = [
+            (run.part, run.law.force(run.points.at(step, self._own(run, before)), F[:, run.part],
+                                          before.jump[:, run.part], derivative))
+            for run in self.runs]
         if len(parts) == 1 and self._all_free:
             return parts[0][1]
 
         def all_of(empty: np.ndarray, name: str) -> np.ndarray:
             return np.concatenate([empty, *(getattr(answer, name) for _, answer in parts)], axis=-1)
 
-        answer = Answer(self.masked(all_of(np.zeros((3, 0)), "force")), all_of(np.zeros(0, int), "status"), own={
+        answer = Answer(self.masked(all_of(np.zeros((3, 0)), "force")),
+                        all_of(np.zeros(0, int), "status"), own={
             name: np.concatenate([a.own.get(name, np.zeros(len(a.status))) for _, a in parts])
             for name in dict.fromkeys(name for _, a in parts for name in a.own)})
         if derivative:
-            answer.active = np.concatenate([np.zeros(0, int), *(a.active + part.start for part, a in parts)])
+            answer.active = np.concatenate([np.zeros(0, int),
+                                            *(a.active + part.start for part, a in parts)])
             free = self.free[:, answer.active]
-            answer.derivative = np.where(free[:, None] & free, all_of(np.zeros((3, 3, 0)), "derivative"), 0.0)
-            answer.collective = self._collective([(part, a.collective) for part, a in parts if a.collective is not None])
+            answer.derivative = np.where(free[:, None] & free,
+                                         all_of(np.zeros((3, 3, 0)), "derivative"), 0.0)
+            answer.collective = self._collective([(part, a.collective) for part, a in parts
+                                                  if a.collective is not None])
         return answer
 
     def carries(self, before: History, step: int) -> list[tuple[slice, Carries]]:
-        """Forces that the laws allow points to carry, those of one law after those of the other; as for ``force``."""
-        return [(run.part, run.law.carries(run.points.at(step, self._own(run, before)))) for run in self.runs]
+        """Forces that the laws allow points to carry, those of one law after those of the other; as
+        for ``force``.
+        """
+        return [(run.part, run.law.carries(run.points.at(step, self._own(run, before))))
+                for run in self.runs]
 
     @staticmethod
     def _own(run: Run, before: History) -> dict[str, np.ndarray]:
         """The law's own variables at its points, as the load step before has left them."""
-        return {v.name: before.own[v.name][run.part] if v.name in before.own else np.zeros(len(run.points))
+        return {v.name: before.own[v.name][run.part] if v.name in before.own
+                else np.zeros(len(run.points))
                 for v in run.law.variables}
 
     def _collective(self, parts: list[tuple[slice, Collective]]) -> Collective | None:
@@ -112,9 +129,11 @@ class Answering:
             return None
         first = np.cumsum([0] + [int(c.group.max(initial=-1)) + 1 for _, c in parts])
         at = np.concatenate([c.at + part.start for part, c in parts])
-        given, taken = (np.where(self.free[:, at], np.concatenate([getattr(c, name) for _, c in parts], axis=1), 0.0)
+        given, taken = (np.where(self.free[:, at],
+                                 np.concatenate([getattr(c, name) for _, c in parts], axis=1), 0.0)
                         for name in ("given", "taken"))
-        return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]), at, given, taken)
+        return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]),
+                          at, given, taken)
 
     def masked(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) values, zero where prescribed."""
@@ -132,13 +151,16 @@ class Answering:
         result[range(3), range(3)] += springs
         return np.where(self.free[:, None] & self.free, result, 0.0)
 
-    def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d₀), where anything is stabilised, and d = (F − f̂)/keq.
+    def settled(self, lawful: np.ndarray, F: np.ndarray,
+                anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d₀), where anything is stabilised, and d = (F −
+        f̂)/keq.
 
         lawful : law(F); F : as for ``force``
         anchor : (3, P) d₀, the jump at which springs carry nothing
         """
-        force = lawful if self.stabilisation is None else lawful + self.stabilisation * (self.resisted(F, anchor) - lawful)
+        force = lawful if self.stabilisation is None else lawful + self.stabilisation * (
+            self.resisted(F, anchor) - lawful)
         return force, self.compliance(F - force)
 
     def resisted(self, F: np.ndarray, anchor: np.ndarray) -> np.ndarray:
@@ -170,7 +192,8 @@ class LawPoints(Answering):
 
     def lagged(self, force: np.ndarray) -> LawPoints:
         """Return the points with convex laws, see ``Law.lagged``; force (3, P)."""
-        runs = [replace(run, points=run.law.lagged(run.points, force[:, run.part])) for run in self.runs]
+        runs = [replace(run, points=run.law.lagged(run.points, force[:, run.part]))
+                for run in self.runs]
         return replace(self, runs=runs)
 
     @classmethod
@@ -178,6 +201,8 @@ class LawPoints(Answering):
         """Return the points of all parts, one after the other."""
         starts = np.cumsum([0, *map(len, parts)]).tolist()
         runs = [replace(run, part=slice(run.part.start + start, run.part.stop + start))
-                for part, start in zip(parts, starts) for run in part.runs if run.part.stop > run.part.start]
-        springs = None if parts[0].stabilisation is None else np.concatenate([p.stabilisation for p in parts])
+                for part, start in zip(parts, starts) for run in part.runs
+                if run.part.stop > run.part.start]
+        springs = None if parts[0].stabilisation is None else np.concatenate(
+            [p.stabilisation for p in parts])
         return cls(runs, np.concatenate([part.free for part in parts], axis=1), springs)

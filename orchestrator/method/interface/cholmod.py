@@ -1,11 +1,12 @@
-"""Cholesky's factorisation by SuiteSparse's CHOLMOD: the library that FreeFEM itself brings, called without a compiler.
+"""Cholesky's factorisation by SuiteSparse's CHOLMOD: the library that FreeFEM itself brings, called
+without a compiler.
 
-What is asked of it are functions that it has had since 2009, and settings at the head of a structure that has kept its shape from
-its third to its fifth version (SuiteSparse 4 to 7). Any other version is not taken; nor is a library whose defaults are not found
-where they should be.
+What is asked of it are functions that it has had since 2009, and settings at the head of a
+structure that has kept its shape from its third to its fifth version (SuiteSparse 4 to 7). Any
+other version is not taken; nor is a library whose defaults are not found where they should be.
 
-One thread at a time is in the library: Debian's serial OpenBLAS, which it calls, has one workspace for all threads. Two threads that
-solved with factors of their own got answers off by some per cent.
+One thread at a time is in the library: Debian's serial OpenBLAS, which it calls, has one workspace
+for all threads. Two threads that solved with factors of their own got answers off by some per cent.
 """
 
 from __future__ import annotations
@@ -75,7 +76,9 @@ class _Factor(ctypes.Structure):
 
 @cache
 def library() -> ctypes.CDLL | None:
-    """CHOLMOD, of the environment that Python runs in or else of the system; None where there is none that is known."""
+    """CHOLMOD, of the environment that Python runs in or else of the system; None where there is
+    none that is known.
+    """
     for version in VERSIONS:
         name = f"libcholmod.{version}.dylib" if sys.platform == "darwin" else f"libcholmod.so.{version}"
         for place in (str(Path(sys.prefix, "lib", name)), name):
@@ -94,14 +97,17 @@ def _as_expected(found: ctypes.CDLL) -> bool:
     room = ctypes.create_string_buffer(ROOM)
     found.cholmod_l_start(room)
     s = _Settings.from_buffer(room)
-    seen = (s.bound, s.grow0, s.grow1, s.grow2, s.rank, s.switch, s.supernodal, *s.relaxed, s.print, s.methods,
+    seen = (s.bound, s.grow0, s.grow1, s.grow2, s.rank, s.switch, s.supernodal, *s.relaxed, s.print,
+            s.methods,
             s.method[1].dense[0], s.method[1].ordering, s.method[2].ordering, s.postorder)
     found.cholmod_l_finish(room)
-    return seen == (0.0, 1.2, 1.2, 5, 8, 40.0, 1, 4, 16, 48, 3, 0, 10.0, ORDERS["amd"], ORDERS["metis"], 1)
+    return seen == (0.0, 1.2, 1.2, 5, 8, 40.0, 1, 4, 16, 48, 3, 0, 10.0, ORDERS["amd"],
+                    ORDERS["metis"], 1)
 
 
 def factorised(lower: sp.csc_array, order: str) -> Cholesky | None:
-    """A factorisation in an order of ``ORDERS``; None without the library, or where the matrix is not positive definite.
+    """A factorisation in an order of ``ORDERS``; None without the library, or where the matrix is
+    not positive definite.
 
     lower : (n, n), n > 0, the lower triangle
     """
@@ -128,34 +134,41 @@ class Cholesky:
         matrix, _kept = _sparse(lower)
         with _ALONE:
             self._factor = found.cholmod_l_analyze(byref(matrix), self._room)
-            done = self._factor and found.cholmod_l_factorize(byref(matrix), self._factor, self._room)
-        self._results = POINTER(_Dense)(), POINTER(_Dense)(), POINTER(_Dense)()  # of a solution, and two to work in
+            done = self._factor and found.cholmod_l_factorize(
+                byref(matrix), self._factor, self._room)
+        # of a solution, and two to work in
+        self._results = POINTER(_Dense)(), POINTER(_Dense)(), POINTER(_Dense)()
         weakref.finalize(self, _freed, found, self._room, self._factor, self._results)
         self.definite = bool(done) and self._factor.contents.minor == self.size
 
     def __call__(self, right: np.ndarray) -> np.ndarray:
         """Solutions (n, T) or (n,) for right-hand sides (n, T) or (n,)."""
         columns = np.asfortranarray(right.reshape(self.size, -1), dtype=float)
-        given = _Dense(*columns.shape, columns.size, self.size, columns.ctypes.data, None, REAL, DOUBLE)
+        given = _Dense(*columns.shape, columns.size, self.size, columns.ctypes.data, None, REAL,
+                       DOUBLE)
         if not columns.size:
             return np.array(right, dtype=float)
         x, y, e = self._results
         with _ALONE:
-            if not self._library.cholmod_l_solve2(SYSTEM, self._factor, byref(given), None, byref(x), None, byref(y), byref(e),
+            if not self._library.cholmod_l_solve2(SYSTEM, self._factor, byref(given), None,
+                                                  byref(x), None, byref(y), byref(e),
                                                   self._room):
                 raise MemoryError("CHOLMOD has no room for a solution")
             found = np.empty(columns.shape[::-1])
-            ctypes.memmove(found.ctypes.data, x.contents.x, found.nbytes)  # a cast would leave a cycle of references
+            # a cast would leave a cycle of references
+            ctypes.memmove(found.ctypes.data, x.contents.x, found.nbytes)
         return found.T.reshape(right.shape)
 
 
 def _sparse(lower: sp.csc_array) -> tuple[_Sparse, list[np.ndarray]]:
     """A matrix as CHOLMOD has them, and the arrays that have to outlive it."""
     lower.sort_indices()
-    kept = [np.ascontiguousarray(lower.indptr, np.int64), np.ascontiguousarray(lower.indices, np.int64),
+    kept = [np.ascontiguousarray(lower.indptr, np.int64),
+            np.ascontiguousarray(lower.indices, np.int64),
             np.ascontiguousarray(lower.data, float)]
     p, i, x = (array.ctypes.data for array in kept)
-    return _Sparse(*lower.shape, lower.nnz, p, i, None, x, None, LOWER, LONG, REAL, DOUBLE, 1, 1), kept
+    return _Sparse(*lower.shape, lower.nnz, p, i, None, x, None, LOWER, LONG, REAL, DOUBLE, 1,
+                   1), kept
 
 
 def _freed(found, room, factor, results) -> None:

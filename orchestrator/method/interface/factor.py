@@ -1,8 +1,10 @@
-"""Solving with sparse symmetric matrices that are factorised once: the macro problem, repositioning, search directions.
+"""Solving with sparse symmetric matrices that are factorised once: the macro problem,
+repositioning, search directions.
 
-Cholesky's factorisation by CHOLMOD in METIS's elimination order: on the macro matrices of cubes three to eight times faster
-than SuperLU, with half the numbers. Where it is missing SuperLU takes its place, in the same order if pymetis is there; so it does
-for matrices that are not quite positive definite.
+Cholesky's factorisation by CHOLMOD in METIS's elimination order: on the macro matrices of cubes
+three to eight times faster than SuperLU, with half the numbers. Where it is missing SuperLU takes
+its place, in the same order if pymetis is there; so it does for matrices that are not quite
+positive definite.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent
 from orchestrator.linalg import dissection, symmetric_lu
 
-# Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
+# Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree,
+# at 24,000 half as long.
 ORDERED = 2000
-# Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave; sound ones leave some 1e-16, however
+# Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave;
+# sound ones leave some 1e-16, however
 # the matrix is conditioned.
 BACKWARD = 1e-11
 
@@ -30,13 +34,15 @@ class Factor:
     """Solves with a symmetric positive definite sparse matrix, factorised once.
 
     lower : (n, n) its lower triangle; what is above the diagonal is not looked at
-    patches : it has a block for each of many small surfaces: minimum degree finds their order in a tenth of the time
+    patches : it has a block for each of many small surfaces: minimum degree finds their order in a
+        tenth of the time
     Raises RuntimeError: it is singular
     """
 
     def __init__(self, lower: sp.sparray, patches: bool = False):
         lower = sp.tril(lower, format="csc")
-        self._solve = np.array if not lower.shape[0] else by_cholesky(lower, "amd" if patches else "metis") or by_superlu(lower)
+        self._solve = np.array if not lower.shape[0] else by_cholesky(
+            lower, "amd" if patches else "metis") or by_superlu(lower)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Solutions (T, n) for rows (T, n) of right-hand sides."""
@@ -44,14 +50,17 @@ class Factor:
 
 
 def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
-    """CHOLMOD's factorisation in an order by ``metis`` or ``amd``; None where it is not installed, or the matrix is not
+    """CHOLMOD's factorisation in an order by ``metis`` or ``amd``; None where it is not installed,
+    or the matrix is not
     positive definite."""
     factor = cholmod.factorised(lower, order)
     return factor if factor is not None and sound(lower, factor) else None
 
 
 def by_superlu(lower: sp.csc_array) -> Solve:
-    """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is singular."""
+    """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is
+    singular.
+    """
     columns = whole(lower)
     if columns.shape[0] < ORDERED or absent("pymetis"):
         return symmetric_lu(columns).solve
@@ -67,12 +76,15 @@ def whole(lower: sp.csc_array) -> sp.csc_array:
 
 
 def sound(lower: sp.csc_array, solve: Solve) -> bool:
-    """Whether a solver solves one right-hand side: a processor newer than its linear algebra has been seen to get it wrong."""
+    """Whether a solver solves one right-hand side: a processor newer than its linear algebra has
+    been seen to get it wrong.
+    """
     diagonal = lower.diagonal()
     right = np.random.default_rng(0).uniform(-1.0, 1.0, len(diagonal))
     found = solve(right)
     left = lower @ found + lower.T @ found - diagonal * found - right
-    return bool(np.abs(left).max() <= BACKWARD * (np.abs(diagonal).max() * np.abs(found).max() + 1.0))
+    return bool(np.abs(left).max() <= BACKWARD
+                * (np.abs(diagonal).max() * np.abs(found).max() + 1.0))
 
 
 SHIFT = 1e-13  # of the diagonal
@@ -81,11 +93,15 @@ SHIFT = 1e-13  # of the diagonal
 def regularised(matrix: sp.sparray) -> sp.csc_array:
     """A positive semidefinite matrix (n, n), and on its diagonal what rounding may take from it."""
     scale = matrix.diagonal()
-    return sp.csc_array(matrix + sp.diags_array(SHIFT * np.where(scale > 0, scale, scale.max(initial=0.0) or 1.0)))
+    return sp.csc_array(matrix
+                        + sp.diags_array(SHIFT * np.where(scale > 0, scale,
+                                                          scale.max(initial=0.0) or 1.0)))
 
 
 def semidefinite_solver(matrix: sp.sparray) -> Solve:
-    """Solver of a positive semidefinite matrix (n, n) for rows (T, n), regularised by rounding where it is singular."""
+    """Solver of a positive semidefinite matrix (n, n) for rows (T, n), regularised by rounding
+    where it is singular.
+    """
     if matrix.shape[0] == 0:
         return lambda rows: np.zeros((len(rows), 0))
     shifted = sp.tril(regularised(matrix), format="csc")
@@ -98,7 +114,8 @@ def semidefinite_solver(matrix: sp.sparray) -> Solve:
 def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
     """Whether a symmetric matrix A (n, n) is positive semidefinite, but for errors of its entries.
 
-    It is, to rounding, if A + rounding × diag A has a factorisation with positive pivots (Sylvester's law of inertia).
+    It is, to rounding, if A + rounding × diag A has a factorisation with positive pivots
+    (Sylvester's law of inertia).
 
     rounding : relative error of the entries, above that of double precision
     """
@@ -107,7 +124,9 @@ def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
     if (scale < -rounding * largest).any():
         return False
     # where nothing is stiff, any entry would be beside the diagonal
-    shifted = sp.tril(matrix + sp.diags_array(rounding * np.where(scale > rounding * largest, scale, largest or 1.0)), format="csc")
+    shifted = sp.tril(matrix
+                      + sp.diags_array(rounding * np.where(scale > rounding * largest, scale,
+                                                           largest or 1.0)), format="csc")
     if by_cholesky(shifted) is not None:
         return True
     lu = symmetric_lu(whole(shifted))

@@ -41,7 +41,8 @@ class ContactGroups:
         """
         contact, R = np.zeros(len(group), bool), len(group)
         for run in laws.runs:
-            contact[run.part] = run.law.force is run.law.loops  # a law made of contact may answer otherwise
+            # a law made of contact may answer otherwise
+            contact[run.part] = run.law.force is run.law.loops
         members = np.bincount(group)
         quick = (np.bincount(group, ~contact) == 0) & (members <= FEW)
         order = np.argsort(group, kind="stable")
@@ -53,13 +54,15 @@ class ContactGroups:
         entries = felt.tocoo()
         i, j = (x.astype(int) for x in entries.coords)
         here = quick[group[i % R]]
-        (c, p), (d, q), which = np.divmod(i[here], R), np.divmod(j[here], R), number[group[i[here] % R]]
+        (c, p), (d, q), which = np.divmod(i[here],
+                                          R), np.divmod(j[here], R), number[group[i[here] % R]]
         m, places = members[which], starts[:-1]
         matrices = np.zeros(starts[-1])
         matrices[places[which] + (c * m + place[p]) * 3 * m + d * m + place[q]] = entries.data[here]
         return cls(quick, order, bounds, places, matrices)
 
-    def answered(self, question, q: np.ndarray, effort: tuple, tries: tuple) -> tuple[np.ndarray, np.ndarray]:
+    def answered(self, question, q: np.ndarray, effort: tuple,
+                 tries: tuple) -> tuple[np.ndarray, np.ndarray]:
         """Return forces (3, Q) of these points and what is left of ‖r‖ (k,), from forces q (3, R)
         on.
 
@@ -69,13 +72,16 @@ class ContactGroups:
 
         at, laws = self.order, question.laws
         each = [run.points.at(question.number) for run in laws.runs]
-        gap, friction = (np.concatenate([p.own.get(name, np.zeros(len(p))) for p in each])[at] for name in ("gap", "friction"))
+        gap, friction = (np.concatenate([p.own.get(name, np.zeros(len(p))) for p in each])[at]
+                         for name in ("gap", "friction"))
         springs = np.zeros(len(at)) if laws.stabilisation is None else laws.stabilisation[at]
         rest = laws.points.stiffness(question.anchor)
         points = (*(np.ascontiguousarray(x[..., at]) for x in laws.points.search), gap, friction)
-        given = points, *(np.ascontiguousarray(x[:, at]) for x in (question.start, question.before.jump, rest)), springs, \
+        given = points, *(np.ascontiguousarray(x[:, at])
+                          for x in (question.start, question.before.jump, rest)), springs, \
             np.ascontiguousarray(laws.free[:, at])
         q, size = np.ascontiguousarray(q[:, at]), np.empty(len(self.places))
-        in_parts(answered, len(size), (self.bounds, self.places, self.matrices), given, question.enough[self.quick], effort,
+        in_parts(answered, len(size), (self.bounds, self.places, self.matrices), given,
+                 question.enough[self.quick], effort,
                  tries, q, size, part=max(WORTH, len(size) // 4 + 1))
         return q, size

@@ -1,8 +1,8 @@
 """The groups in which a rank's points answer together, and the nodes of bodies that feel them.
 
-Points that S couples are a group, see ``node_points``: those that share a node where nodes match; where they do
-not, all of an interface, and of interfaces that share a node with it. A pair of nodes that no other point shares
-has S = 1/keq, and is no group: its law answers at once.
+Points that S couples are a group, see ``node_points``: those that share a node where nodes match;
+where they do not, all of an interface, and of interfaces that share a node with it. A pair of nodes
+that no other point shares has S = 1/keq, and is no group: its law answers at once.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from orchestrator.method.interface.traces import TraceSpace
 class NodeGroups:
     """The groups that a rank answers: all that have a point of its own.
 
-    chosen : (r,) int, ascending, which of the rank's pairs have a group; they are the first of R points
+    chosen : (r,) int, ascending, which of the rank's pairs have a group; they are the first of R
+        points
     behind : (R − r,) int, which of the points that other ranks tell of have
     laws : what the points answer; slid : (3, R) what B w lacks of their jumps
     group : (R,) int, of n groups, which is each point's
     sums : (3m, D) N of this rank's nodes; copies : (3m,) traces of each node's component
-    reached : (3m,) bool, those that a point of a group acts on; the others are told to other ranks alone
+    reached : (3m,) bool, those that a point of a group acts on; the others are told to other ranks
+        alone
     C : (3m, 3m) compliance of these
     B : (3R, 3M) B Nᵀ, component after component of the points; this rank's nodes are the first of M
     felt : (3R, 3R) 1 − keq S
@@ -54,13 +56,17 @@ class NodeGroups:
 
     @classmethod
     def of(cls, space: TraceSpace, pairs: Pairs) -> NodeGroups | None:
-        """Return the groups; None where each point is alone at its nodes. All ranks ask together."""
+        """Return the groups; None where each point is alone at its nodes. All ranks ask
+        together.
+        """
         own, sums = NodePoints.of(space, pairs)
         known, points, nodes = completed(own, space.team)
         count, label = len(own.point), labelled(known.B, known.C.any(axis=(1, 2)))
-        new = np.arange(len(label)) < count  # other ranks tell of points between them and this one, too
+        # other ranks tell of points between them and this one, too
+        new = np.arange(len(label)) < count
         new |= places(own.point, known.point) < 0
-        grouped = known.apart | (np.bincount(label[new], minlength=len(known.node) + len(label))[label] > 1)
+        grouped = known.apart | (np.bincount(label[new],
+                                             minlength=len(known.node) + len(label))[label] > 1)
         chosen = np.flatnonzero(new & grouped & np.isin(label, label[:count]))
         B = sp.csr_array(known.B[rows_of(chosen, len(known.point))])
         reached = np.isin(np.arange(len(known.node)), B.indices // 3)
@@ -73,8 +79,10 @@ class NodeGroups:
         laws, here = known.laws.alone(chosen), np.flatnonzero(kept[:mine])
         felt = sp.csr_array(sp.eye_array(S.shape[0]) - pointwise(stiffness(laws)) @ S)
         sums = sp.csr_array(sums[nodewise(np.flatnonzero(own.own)[here])])
-        return cls(own.place[chosen[chosen < count]], chosen[chosen >= count] - count, laws, known.slid[:, chosen],
-                   np.unique(label[chosen], return_inverse=True)[1].ravel(), sums, np.maximum(sums.sum(axis=1), 1),
+        return cls(own.place[chosen[chosen < count]], chosen[chosen >= count] - count, laws,
+                   known.slid[:, chosen],
+                   np.unique(label[chosen], return_inverse=True)[1].ravel(), sums,
+                   np.maximum(sums.sum(axis=1), 1),
                    np.repeat(reached[here], 3), block_diagonal(known.C[here]), B, felt, points,
                    replace(nodes, sends=nodewise(np.searchsorted(here, nodes.sends)),
                            counts={r: 3 * count for r, count in nodes.counts.items()}))
@@ -108,7 +116,8 @@ class NodeGroups:
 def stiffness(laws: LawPoints) -> np.ndarray:
     """Return (3, 3, R) keq of points, zero where components are prescribed."""
     points = laws.points
-    return np.where(laws.free[:, None] & laws.free[None], points.blocks(points.stiff_n, points.stiff_t), 0.0)
+    return np.where(laws.free[:, None] & laws.free[None],
+                    points.blocks(points.stiff_n, points.stiff_t), 0.0)
 
 
 def pointwise(each: np.ndarray) -> sp.csr_array:
@@ -121,4 +130,5 @@ def pointwise(each: np.ndarray) -> sp.csr_array:
 def block_diagonal(blocks: np.ndarray) -> sp.csr_array:
     """Return (3n, 3n) with blocks (n, 3, 3) on the diagonal."""
     count = len(blocks)
-    return sp.csr_array(sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count)))
+    return sp.csr_array(sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)),
+                                     shape=(3 * count, 3 * count)))

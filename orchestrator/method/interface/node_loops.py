@@ -30,7 +30,8 @@ def left(a, b, felt, given, most, q, F, force, status, r):
                 for k in range(m):
                     total += row[d * m + k] * q[d, a + k]
             F[c, a + j] = total
-    forces(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, force, status)
+    forces(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, force,
+           status)
     for c in range(3):
         for p in range(a, b):
             if free[c, p]:
@@ -46,7 +47,8 @@ def left(a, b, felt, given, most, q, F, force, status, r):
 def slopes_of(a, b, given, most, F, status, slope, everyone):
     """Write A (3, 3, R) of the points from a to b at F."""
     points, _, past, _, springs, free = given
-    slopes(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, everyone, slope)
+    slopes(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, everyone,
+           slope)
     for p in range(a, b):
         for c in range(3):
             for d in range(3):
@@ -162,20 +164,25 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
     (rounds, repeats, patience), count, most = tries, q.shape[1], 0
     for g in range(start, stop):
         most = max(most, bounds[g + 1] - bounds[g])
-    F, force, r, here, step, best, kept = (np.empty((3, count)), np.empty((3, count)), np.empty((3, count)),
-                                           np.empty((3, count)), np.empty((3, count)), np.empty((3, count)),
+    F, force, r, here, step, best, kept = (np.empty((3, count)), np.empty((3, count)),
+                                           np.empty((3, count)),
+                                           np.empty((3, count)), np.empty((3, count)),
+                                           np.empty((3, count)),
                                            np.empty((3, count)))
-    room = (F, force, np.empty(count, np.int64), r, here, np.empty((3, 3, count)), np.arange(count), step, best,
+    room = (F, force, np.empty(count, np.int64), r, here, np.empty((3, 3, count)), np.arange(count),
+            step, best,
             np.empty((3 * most, 3 * most + 1)))
     limits, normal, friction = np.empty(count), given[0][0], given[0][4]
     for g in range(start, stop):
         a, b = bounds[g], bounds[g + 1]
         n, least, waited, goal = 3 * (b - a), np.inf, 0, enough[g]
         felt = matrices[places[g] : places[g] + n * n].reshape(n, n)
-        for k in range(2 * repeats + 2):  # Newton's method, with limits of friction but at first, and in turns what is left
+        # Newton's method, with limits of friction but at first, and in turns what is left
+        for k in range(2 * repeats + 2):
             even = k % 2 == 0
             lagged = even and k > 0
-            found = newton(a, b, felt, given, limits if lagged else limits[:0], 0.1 * goal if lagged else goal,
+            found = newton(a, b, felt, given, limits if lagged else limits[:0],
+                           0.1 * goal if lagged else goal,
                            rounds if even else 0, effort, q, room)
             if not lagged:
                 waited = 0 if found < least else waited + 1
@@ -188,7 +195,11 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
                     break
             if not even:
                 for p in range(a, b):
-                    push = force[0, p] * normal[0, p] + force[1, p] * normal[1, p] + force[2, p] * normal[2, p]
+                    push = force[0, p] * normal[0,
+                                                p] + force[1,
+                                                           p] * normal[1, p] + force[2,
+                                                                                     p] * normal[2,
+                                                                                                 p]
                     limits[p] = friction[p] * max(-push, 0.0)
         size[g] = least
         for c in range(3):
@@ -208,7 +219,8 @@ def added(start, stop, groups, bodies, fields, laws, shift, result):
         each group begin
     fields : T and D (Q, 3, 2, n); laws : A and keq (3, 3, Q)
     """
-    (bounds, places, matrices), (first, local, spots, begins), (T, D), (slope, stiff) = groups, bodies, fields, laws
+    (bounds, places, matrices), (first, local, spots,
+                                 begins), (T, D), (slope, stiff) = groups, bodies, fields, laws
     size = T.shape[3]
     for g in range(start, stop):
         a, b, count = bounds[g], bounds[g + 1], first[g + 1] - first[g]

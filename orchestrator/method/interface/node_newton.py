@@ -2,10 +2,11 @@
 
     r(q) = q − law(q + keq (b − S q)) = 0,    J = 1 − (1 − δ) A (1 − keq S),    A = ∂law/∂F
 
-Where friction folds the branch away that the forces came from, no step lowers ‖r‖. There the limits of friction are
-those of the last answer, which makes the laws convex, and are renewed until they stay (Haslinger, Math. Methods
-Appl. Sci. 5, 1983). They never stay where bodies around a node are wedged: all stick, and the jumps at which they do
-so do not add up to nothing. Then no forces obey the laws, and those that are nearest are taken.
+Where friction folds the branch away that the forces came from, no step lowers ‖r‖. There the limits
+of friction are those of the last answer, which makes the laws convex, and are renewed until they
+stay (Haslinger, Math. Methods Appl. Sci. 5, 1983). They never stay where bodies around a node are
+wedged: all stick, and the jumps at which they do so do not add up to nothing. Then no forces obey
+the laws, and those that are nearest are taken.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class Question:
         at = np.flatnonzero(wanted[self.group])
         dofs = rows_of(at, len(self.group))
         return at, Question(self.laws.alone(at), (np.cumsum(wanted) - 1)[self.group[at]],
-                            sp.csr_array(self.felt[dofs][:, dofs]), self.before.take(at), self.anchor[:, at],
+                            sp.csr_array(self.felt[dofs][:, dofs]), self.before.take(at),
+                            self.anchor[:, at],
                             self.number, self.start[:, at], self.enough[wanted])
 
     def predicted(self, q: np.ndarray) -> np.ndarray:
@@ -81,8 +83,11 @@ class Question:
         """Return (n,) ‖r‖ of each group."""
         return np.sqrt(np.bincount(self.group, (r**2).sum(axis=0), len(self.enough)))
 
-    def steps(self, r: np.ndarray, slope: np.ndarray, open_: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """Return (3, R) J⁻¹ r of groups that are open (n,) bool, with shifts δ (n,); 0 elsewhere."""
+    def steps(self, r: np.ndarray, slope: np.ndarray, open_: np.ndarray,
+              shift: np.ndarray) -> np.ndarray:
+        """Return (3, R) J⁻¹ r of groups that are open (n,) bool, with shifts δ (n,); 0
+        elsewhere.
+        """
         at, result = np.flatnonzero(open_[self.group]), np.zeros_like(r)
         dofs = rows_of(at, len(self.group))
         weight = (1 - shift[self.group[at]]) * slope[:, :, at]
@@ -92,12 +97,17 @@ class Question:
         return result
 
 
-def solved(question: Question, q: np.ndarray, contact: ContactGroups) -> tuple[np.ndarray, np.ndarray]:
-    """Return forces (3, R) that obey the laws, from those given on, and what is left of ‖r‖ (n,)."""
+def solved(question: Question, q: np.ndarray,
+           contact: ContactGroups) -> tuple[np.ndarray, np.ndarray]:
+    """Return forces (3, R) that obey the laws, from those given on, and what is left of ‖r‖
+    (n,).
+    """
     q, size = q.copy(), np.empty(len(question.enough))
     if len(contact.order):
         effort = SHIFTS, np.array([1.0, *LENGTHS]), LESS
-        q[:, contact.order], size[contact.quick] = contact.answered(question, q, effort, (ROUNDS, REPEATS, PATIENCE))
+        q[:,
+          contact.order], size[contact.quick] = contact.answered(
+              question, q, effort, (ROUNDS, REPEATS, PATIENCE))
     if len(contact.order) < q.shape[1]:
         at, few = question.some(~contact.quick)
         q[:, at], size[~contact.quick] = _newton(few, q[:, at])
@@ -155,13 +165,16 @@ def _newton(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _searched(question: Question, q: np.ndarray, known: tuple[np.ndarray, ...], step: np.ndarray,
               open_: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Forces along the steps as far as they save something, r and A there, and the groups (bool) whose do."""
+    """Forces along the steps as far as they save something, r and A there, and the groups (bool)
+    whose do.
+    """
     r, slope, size = known
     trial = q - step
     found = question.left(trial)
     waiting = open_ & (found[2] >= (1 - LESS) * size)
     moved = (open_ & ~waiting)[question.group]
-    q, r, slope = np.where(moved, trial, q), np.where(moved, found[0], r), np.where(moved, found[1], slope)
+    q, r, slope = np.where(moved, trial, q), np.where(moved, found[0],
+                                                      r), np.where(moved, found[1], slope)
     for length in LENGTHS if waiting.any() else ():
         at, few = question.some(waiting)
         trial = q[:, at] - length * step[:, at]

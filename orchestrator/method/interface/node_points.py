@@ -1,12 +1,12 @@
 """Points of laws, and the nodes of bodies that they meet at.
 
-A body has a trace at a node for each of its interfaces there, and feels the sum of their forces alone. With N the
-sums over the traces of a body's node, and k⁺ of each trace,
+A body has a trace at a node for each of its interfaces there, and feels the sum of their forces
+alone. With N the sums over the traces of a body's node, and k⁺ of each trace,
 
     f_b = N f,    C = (N k⁺ Nᵀ)⁻¹,    d = B Nᵀ (w_b − C f_b) − S q,    S = B Nᵀ C N Bᵀ
 
-are the jumps d of points under their forces q. Of the nodes of other ranks' bodies a rank knows B alone; what
-they lack, ``node_visits`` brings.
+are the jumps d of points under their forces q. Of the nodes of other ranks' bodies a rank knows B
+alone; what they lack, ``node_visits`` brings.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from orchestrator.scene.mesh.faces import components
 class NodePoints:
     """Points, and nodes of bodies, by names that are the same on all ranks.
 
-    point : (P, 2) int, interface and number there; node : (M, 3) int, subdomain, trace, and 0 where traces join
+    point : (P, 2) int, interface and number there; node : (M, 3) int, subdomain, trace, and 0 where
+        traces join
     place : (P,) int, which of the rank's pairs each is
     B : (3P, 3M) B Nᵀ, component after component of the points, node after node
     C : (M, 3, 3) compliance of the nodes, zero where another rank knows it
@@ -54,11 +55,14 @@ class NodePoints:
 
     @classmethod
     def of(cls, space: TraceSpace, pairs: Pairs) -> tuple[NodePoints, sp.csr_array]:
-        """Return what a rank knows, of laws that answer pair by pair, and N (3M, D) of its own nodes; all ranks ask."""
+        """Return what a rank knows, of laws that answer pair by pair, and N (3M, D) of its own
+        nodes; all ranks ask.
+        """
         number, dofs, blocks, name = _nodes(space, pairs)
         there, M = dofs >= 0, len(name)
         row = (3 * number[:, None] + np.arange(3))[there]
-        N = sp.csr_array((np.ones(len(row)), (row, dofs[there])), shape=(3 * M, pairs.transfer.total))
+        N = sp.csr_array((np.ones(len(row)), (row, dofs[there])),
+                         shape=(3 * M, pairs.transfer.total))
         own = np.isin(name[:, 0], space.subdomains)
         K = np.zeros((M, 3, 3))
         np.add.at(K, number, inverses(blocks, np.einsum("nii->ni", blocks) > 0))
@@ -85,13 +89,17 @@ class NodePoints:
         B = sp.csr_array(self.B[rows_of(points, len(self.point))])
         nodes = np.unique(B.indices // 3)
         return replace(self, node=self.node[nodes], own=self.own[nodes], C=self.C[nodes],
-                       B=sp.csr_array(B[:, nodewise(nodes)]), point=self.point[points], place=self.place[points],
-                       mine=self.mine[points], apart=self.apart[points], between=self.between[points],
+                       B=sp.csr_array(B[:, nodewise(nodes)]), point=self.point[points],
+                       place=self.place[points],
+                       mine=self.mine[points], apart=self.apart[points],
+                       between=self.between[points],
                        laws=self.laws.alone(points), slid=self.slid[:, points])
 
 
 def labelled(B: sp.csr_array, gives: np.ndarray) -> np.ndarray:
-    """Return groups (P,) int of points that B (3P, 3M) joins, by way of nodes (M,) bool that give way."""
+    """Return groups (P,) int of points that B (3P, 3M) joins, by way of nodes (M,) bool that give
+    way.
+    """
     P, M = B.shape[0] // 3, B.shape[1] // 3
     i, j = (x.astype(int) for x in B.tocoo().coords)
     i, j = i % max(P, 1), j // 3
@@ -105,7 +113,8 @@ def nodewise(nodes: np.ndarray) -> np.ndarray:
 
 
 def _nodes(space: TraceSpace, pairs: Pairs) -> tuple[np.ndarray, ...]:
-    """Of the traces' nodes (n,) which of the bodies' nodes, dofs (n, 3), C (n, 3, 3); names (M, 3) of the bodies' nodes.
+    """Of the traces' nodes (n,) which of the bodies' nodes, dofs (n, 3), C (n, 3, 3); names (M, 3)
+    of the bodies' nodes.
 
     Traces of a law that answers for all of its points stay alone.
     """
@@ -113,7 +122,8 @@ def _nodes(space: TraceSpace, pairs: Pairs) -> tuple[np.ndarray, ...]:
     for i in pairs.interfaces:
         for side in pairs.transfer.sides[i.index] if i.law.pairwise else ():
             joins[side] = 1.0
-    node, trace = space.extended(np.stack([space.dof // 3, np.arange(space.size)]).astype(float))[0].astype(int)
+    node, trace = space.extended(np.stack([space.dof // 3, np.arange(space.size)]).astype(float))[
+        0].astype(int)
     nodes = pairs.nodes
     kept = nodes.dofs.max(axis=1, initial=-1) >= 0
     dofs, blocks = nodes.dofs[kept], nodes.blocks[kept]

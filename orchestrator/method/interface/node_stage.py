@@ -1,8 +1,8 @@
 """The laws of pairs that share nodes of bodies, answered together, group by group.
 
-``node_newton`` finds q = law(q + keq (b − S q)), b = B (w − C f_b), from the forces that the traces bring with
-them. Several answers q may do where pairs form a circle: what begins near one stays there. What a body's node
-then lacks is g = f_b + Bᵀ q.
+``node_newton`` finds q = law(q + keq (b − S q)), b = B (w − C f_b), from the forces that the traces
+bring with them. Several answers q may do where pairs form a circle: what begins near one stays
+there. What a body's node then lacks is g = f_b + Bᵀ q.
 """
 
 from __future__ import annotations
@@ -25,21 +25,26 @@ class NodeStage:
     groups, pairs : the groups, and all pairs of the rank
     w, f : (T, D + G) traces of the linear stage
     before : what the load step before has left at all pairs
-    anchors : (T, 3, P) jumps at which springs of stabilisation carry nothing; None: those of the load step before
-    left : (2, T) sum of the squares of what this rank's nodes lack, and how many components these are
+    anchors : (T, 3, P) jumps at which springs of stabilisation carry nothing; None: those of the
+        load step before
+    left : (2, T) sum of the squares of what this rank's nodes lack, and how many components these
+        are
     rms : (T,) of all ranks; whoever asks for answers gives it first
     left_over : groups whose laws did not come to hold, in all load steps so far
     question, after : what was asked last, and what that leaves to the next load step
     """
 
-    def __init__(self, groups: NodeGroups, pairs: Pairs, w: np.ndarray, f: np.ndarray, before: History,
+    def __init__(self, groups: NodeGroups, pairs: Pairs, w: np.ndarray, f: np.ndarray,
+                 before: History,
                  anchors: np.ndarray | None):
         self.groups, self.numbers, self.left_over, steps = groups, pairs.numbers, 0, len(w)
         size = groups.sums.shape[1]
         self.f_b = times(groups.sums, f[:, :size])
         z = times(groups.sums, w[:, :size]) / groups.copies - times(groups.C, self.f_b)
-        self.b = times(groups.B, np.hstack([z, *groups.nodes(z)])).reshape(steps, 3, -1) + groups.slid
-        self.q, self.before, self.anchors = _met(groups, pairs, pairs.transfer.carried(f), before, anchors)
+        self.b = times(groups.B,
+                       np.hstack([z, *groups.nodes(z)])).reshape(steps, 3, -1) + groups.slid
+        self.q, self.before, self.anchors = _met(groups, pairs, pairs.transfer.carried(f), before,
+                                                 anchors)
         left = self._lacks(self.q)
         self.left = np.stack([(left**2).sum(axis=1), np.full(steps, groups.reached.sum())])
         self.rms = np.zeros(steps)
@@ -49,31 +54,36 @@ class NodeStage:
         return self.groups.reached * (self.f_b + times(self.groups.Bt, q.reshape(len(q), -1)))
 
     def predicted(self, t: int, moved: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Return F (3, r), at which the laws of each of the rank's pairs alone answer what all answer together, and jumps.
+        """Return F (3, r), at which the laws of each of the rank's pairs alone answer what all
+        answer together, and jumps.
 
         t : of the load steps here, one after the other; who asks passes ``after`` on to ``before``
         moved : (3, R) by which b is another than that of the traces
         """
         groups, before = self.groups, self.before
         anchor = before.jump if self.anchors is None else self.anchors[t]
-        number, start = self.numbers[t], groups.laws.masked(groups.laws.points.stiffness(self.b[t] + moved))
+        number, start = self.numbers[t], groups.laws.masked(
+            groups.laws.points.stiffness(self.b[t] + moved))
         least = ROUNDING * float(np.abs(self.q[t]).max(initial=0.0))
         enough = max(ENOUGH * self.rms[t], least) * np.sqrt(groups.members)
-        self.question = question = Question(groups.laws, groups.group, groups.felt, before, anchor, number, start, enough)
+        self.question = question = Question(groups.laws, groups.group, groups.felt, before, anchor,
+                                            number, start, enough)
         q, size = solved(question, self.q[t], groups.contact)
         self.left_over += int((size > enough).sum())
         F = question.predicted(q)
         answer = groups.laws.force(F, before, number)
         self.q[t] = q = groups.laws.settled(answer.force, F, anchor)[0]
-        # not (F − f̂)/keq: where q is near the answer only, jumps around a node of three bodies would add up to something
+        # not (F − f̂)/keq: where q is near the answer only, jumps around a node of three bodies
+        # would add up to something
         self.after = History(groups.laws.compliance(question.predicted(q) - q), answer.own)
         return F[:, : len(groups.chosen)], self.after.jump[:, : len(groups.chosen)]
 
-    def shared(self, diagonal: np.ndarray, f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def shared(self, diagonal: np.ndarray,
+               f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return traces of the groups (n,) int, and there forces f (T, n) and moves ŵ − w (T, n).
 
-        A body feels the sum of its traces alone: f are the pairs' own f̂, and of what the node lacks a
-        share by stiffness.
+        A body feels the sum of its traces alone: f are the pairs' own f̂, and of what the node
+        lacks a share by stiffness.
 
         diagonal : (D,) of k⁻; f_hat : (T, D) −Bᵀ f̂
         """
@@ -90,7 +100,8 @@ def _met(groups: NodeGroups, pairs: Pairs, q: np.ndarray, before: History,
     names = sorted({v.name for law in pairs.laws for v in law.variables})
     none, P = np.zeros(len(pairs)), len(pairs)
     own = np.array([before.own.get(name, none) for name in names]).reshape(-1, P)
-    parts = [q.reshape(-1, P), before.jump, own, *([] if anchors is None else [anchors.reshape(-1, P)])]
+    parts = [q.reshape(-1, P), before.jump, own,
+             *([] if anchors is None else [anchors.reshape(-1, P)])]
     here = [np.hstack([part[:, groups.chosen], far[:, groups.behind]])
             for part, far in zip(parts, groups.points(*parts))]
     q, jump, own = here[0].reshape(len(q), 3, -1), here[1], dict(zip(names, here[2]))

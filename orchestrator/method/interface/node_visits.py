@@ -1,8 +1,10 @@
-"""Points and nodes of other ranks that may meet a rank's own by way of others, and how values there travel.
+"""Points and nodes of other ranks that may meet a rank's own by way of others, and how values there
+travel.
 
-Points that share nodes by way of others are a group, and every rank that has a point of one answers all of it: alike,
-since it is told all of it. Each rank tells all others of what may belong to a group of several: a few points along the
-edges of interfaces between ranks, or all of interfaces whose nodes do not match.
+Points that share nodes by way of others are a group, and every rank that has a point of one answers
+all of it: alike, since it is told all of it. Each rank tells all others of what may belong to a
+group of several: a few points along the edges of interfaces between ranks, or all of interfaces
+whose nodes do not match.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ class Visits:
     counts: dict[int, int] = field(default_factory=dict)
 
     def __call__(self, *values: np.ndarray) -> list[np.ndarray]:
-        """Return (rows, behind) of each of some values (rows, own), in one message; all ranks ask together."""
+        """Return (rows, behind) of each of some values (rows, own), in one message; all ranks ask
+        together.
+        """
         told = np.concatenate([x[:, self.sends] for x in values])
         room = {r: np.empty((len(told), count)) for r, count in self.counts.items() if count}
         arrived = self.team.exchange({r: told for r in self.counts if told.shape[1]}, room)
@@ -39,7 +43,8 @@ class Visits:
 
 
 def completed(known: NodePoints, team: Team) -> tuple[NodePoints, Visits, Visits]:
-    """Return points with those behind, own nodes first, and how values at points (by ``place``) and at nodes travel.
+    """Return points with those behind, own nodes first, and how values at points (by ``place``) and
+    at nodes travel.
 
     known : what this rank knows; all ranks ask together
     """
@@ -51,24 +56,32 @@ def completed(known: NodePoints, team: Team) -> tuple[NodePoints, Visits, Visits
     told = {r: t.some(np.flatnonzero(t.mine)) for r, t in tables.items()}
     name = np.concatenate([known.node[known.own], *(t.node[t.own] for t in tables.values())])
     parts = [known, *told.values()]
-    whole = replace(known, node=name, B=_stacked([(t.B, places(name, t.node)) for t in parts], len(name)),
+    whole = replace(known, node=name,
+                    B=_stacked([(t.B, places(name, t.node)) for t in parts], len(name)),
                     C=np.concatenate([known.C[known.own], *(t.C[t.own] for t in tables.values())]),
-                    own=np.arange(len(name)) < known.own.sum(), laws=LawPoints.joined([t.laws for t in parts]),
-                    **{each: np.concatenate([getattr(t, each) for t in parts], axis=axis) for each, axis in (
+                    own=np.arange(len(name)) < known.own.sum(),
+                    laws=LawPoints.joined([t.laws for t in parts]),
+                    **{each: np.concatenate([getattr(t, each) for t in parts], axis=axis)
+                       for each, axis in (
                         ("point", 0), ("apart", 0), ("between", 0), ("mine", 0), ("slid", 1))})
     own = places(known.node[known.own], opened.node[opened.own])
-    return (whole, Visits(team, opened.place[opened.mine], {r: len(t.point) for r, t in told.items()}),
+    return (whole,
+            Visits(team, opened.place[opened.mine], {r: len(t.point) for r, t in told.items()}),
             Visits(team, own, {r: int(t.own.sum()) for r, t in tables.items()}))
 
 
 def _stacked(parts: list[tuple[sp.csr_array, np.ndarray]], nodes: int) -> sp.csr_array:
-    """(3P, 3M) B of points part after part; each comes with the place (m,) of its nodes among M, −1: nowhere."""
+    """(3P, 3M) B of points part after part; each comes with the place (m,) of its nodes among M,
+    −1: nowhere.
+    """
     total, start, entries = sum(B.shape[0] // 3 for B, _ in parts), 0, []
     for B, place in parts:
         count, B = max(B.shape[0] // 3, 1), B.tocoo()
         i, j = (x.astype(int) for x in B.coords)
         there = place[j // 3] >= 0
-        entries.append([x[there] for x in (B.data, i // count * total + start + i % count, 3 * place[j // 3] + j % 3)])
+        entries.append(
+            [x[there]
+             for x in (B.data, i // count * total + start + i % count, 3 * place[j // 3] + j % 3)])
         start += B.shape[0] // 3
     data, i, j = (np.concatenate(x) for x in zip(*entries))
     return sp.csr_array((data, (i, j)), shape=(3 * total, 3 * nodes))

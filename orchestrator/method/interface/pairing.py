@@ -1,8 +1,10 @@
-"""The points of a rank's interfaces: at which nodes a law acts, along which normal, on which area; search direction, law's
+"""The points of a rank's interfaces: at which nodes a law acts, along which normal, on which area;
+search direction, law's
 parameters, ε of stabilisation.
 
-The diagonal search direction k⁺ has, at every pair of nodes, one stiffness along the normal and one across it. Both sides get
-the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺ is each node's own 3 × 3 block of k⁻.
+The diagonal search direction k⁺ has, at every pair of nodes, one stiffness along the normal and one
+across it. Both sides get the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺
+is each node's own 3 × 3 block of k⁻.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.facets import stiffer
 
 
-def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: np.ndarray | None = None) -> Pairs:
+def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array,
+               stabilisation: np.ndarray | None = None) -> Pairs:
     """Points of the interfaces that a rank touches, ordered by law.
 
     k : (D + G, D + G) search direction k⁻, ghosts included
@@ -36,7 +39,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     here = set(space.subdomains)
     wanted = sorted((i for i in scene.interfaces if here.intersection(i.subdomains)),
                     key=lambda i: (i.law.perfect, i.law.name, i.index))
-    rows, normal, area, own = [np.empty((0, 3), int)], [np.empty((0, 3))], [np.empty(0)], []  # a rank may have no such interface
+    # a rank may have no such interface
+    rows, normal, area, own = [np.empty((0, 3), int)], [np.empty((0, 3))], [np.empty(0)], []
     for i in wanted:
         where, chosen = scene.points(i), lawful_nodes(i)
         at = geometry_of(where, i, i.shares)
@@ -45,13 +49,16 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
                     for law in (i.law, *i.law_at_steps)])
         rows.append(_numbers(space.transfer, i, chosen))
         normal.append(at.acting[chosen])
-        area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))  # pressures of what carries nothing are zero
+        # pressures of what carries nothing are zero
+        area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))
     bounds = bounds_of([len(a) for a in area[1:]])
     transfer = space.transfer.at(np.ascontiguousarray(np.concatenate(rows).T), bounds)
-    points = Points(np.ascontiguousarray(np.concatenate(normal).T), *np.ones((2, bounds[-1])), np.concatenate(area))
+    points = Points(np.ascontiguousarray(np.concatenate(normal).T), *np.ones((2, bounds[-1])),
+                    np.concatenate(area))
     nodes = _search_direction(space, k, wanted, transfer, points)
     if stabilisation is not None:  # on all ranks, or on none
-        stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
+        stabilisation = _beside_laws(stabilisation, scene, wanted, bounds,
+                                     points) if stabilisation.any() else None
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws,
@@ -59,7 +66,9 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:
-    """(p, 3) int, which flat points of the scene the components of an interface's points are, −1 for none."""
+    """(p, 3) int, which flat points of the scene the components of an interface's points are, −1
+    for none.
+    """
     mortar = interface.mortar
     live = interface.free if mortar is None else mortar.live
     number = transfer.bounds[interface.index] + np.cumsum(live).reshape(live.shape) - 1
@@ -67,10 +76,12 @@ def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np
     return number[chosen] if mortar is None else np.where(mortar.carrying[:, None], number, -1)
 
 
-def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Interface], transfer: Transfer,
+def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Interface],
+                      transfer: Transfer,
                       points: Points) -> NodeCompliance:
     """Sets the stiffness keq of points; returns C = (k⁺)⁻¹ of their nodes."""
-    bounds, held = transfer.bounds, None if transfer.picks else space.held_everywhere  # all ranks ask
+    # all ranks ask
+    bounds, held = transfer.bounds, None if transfer.picks else space.held_everywhere
     at_mortars = np.repeat([i.mortar is not None for i in interfaces], np.diff(bounds)).astype(bool)
     pair = np.flatnonzero(~at_mortars)
     one, two = (np.ascontiguousarray(side[:, pair].T) for side in (transfer.one, transfer.two))
@@ -81,7 +92,8 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
     along = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     along = np.where(there.all(axis=1), along, np.maximum(along, trace / 3))
     points.stiff_n[pair], points.stiff_t[pair] = along / 2, (trace - along) / 4
-    half = points.some(pair).compliance(np.repeat(np.eye(3)[:, :, None], len(pair), axis=2)).transpose(2, 0, 1) / 2
+    half = points.some(pair).compliance(np.repeat(np.eye(3)[:, :, None], len(pair),
+                                                  axis=2)).transpose(2, 0, 1) / 2
     nodes = [(one, half), (two, half)]
     for i in interfaces:
         if i.mortar is not None:
@@ -92,15 +104,18 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
     if at_mortars.any():
         gives = result.compliance.diagonal()
         usual = 2 * float(gives.sum() / max(np.count_nonzero(gives), 1)) or 1.0
-        parts = [np.arange(a, b) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:]) if i.mortar is not None]
+        parts = [np.arange(a, b) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:])
+                 if i.mortar is not None]
         S = transfer.B @ result.compliance @ transfer.B.T
         search_stiffness(S, points, parts, usual)
     return result
 
 
-def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface], bounds: np.ndarray,
+def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface],
+                 bounds: np.ndarray,
                  points: Points) -> np.ndarray:
-    """(P,) ε of every pair: its spring ε keq is to be weak beside the law's own, which may be softer than keq, and no
+    """(P,) ε of every pair: its spring ε keq is to be weak beside the law's own, which may be
+    softer than keq, and no
     stiffer where soles are made ``stiffer`` at single nodes."""
     each, rigidity = (np.repeat(x, np.diff(bounds)) for x in (
         stabilisation[[i.index for i in wanted]], np.array([i.law.rigidity for i in wanted])))
@@ -137,9 +152,11 @@ def _side_by_side(given: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def lawful_nodes(interface: Interface) -> np.ndarray:
-    """(p,) int, ascending, which of an interface's nodes a law answers for: none that is prescribed altogether, and where points
+    """(p,) int, ascending, which of an interface's nodes a law answers for: none that is prescribed
+    altogether, and where points
     are no pairs of nodes those that carry points."""
-    return interface.mortar.points if interface.mortar is not None else np.flatnonzero(interface.free.any(axis=1))
+    return interface.mortar.points if interface.mortar is not None else np.flatnonzero(
+        interface.free.any(axis=1))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,6 @@
-"""Points of interfaces that a law answers for, and where their traces are; ``pairing`` makes them."""
+"""Points of interfaces that a law answers for, and where their traces are; ``pairing`` makes
+them.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +21,23 @@ from orchestrator.scene.interface import Interface
 
 @dataclass
 class Pairs(Answering):
-    """All points of a set of interfaces, interface after interface; those of perfect interfaces come last."""
+    """All points of a set of interfaces, interface after interface; those of perfect interfaces
+    come last.
+    """
 
     interfaces: list[Interface]  # the interfaces, in order
-    transfer: Transfer  # between the sides, with points (3, P); none where prescribed, or where the other side is out of reach
+    # between the sides, with points (3, P); none where prescribed, or where the other side is out
+    # of reach
+    transfer: Transfer
     nodes: NodeCompliance  # (k⁺)⁻¹ of all these interfaces
     runs: list[Run]  # the laws and their points, in order
     mine: np.ndarray  # (P,) bool, points of interfaces whose first side is on this rank
     laws: list[type[Law]]  # all laws of the scene, by name
-    stabilisation: np.ndarray | None  # (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
+    # (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
+    stabilisation: np.ndarray | None
     numbers: np.ndarray  # (T,) int, which load steps of the scene these are
-    slid: np.ndarray  # (3, P) what B w lacks of the jump of sides that are paired anew as they slide
+    # (3, P) what B w lacks of the jump of sides that are paired anew as they slide
+    slid: np.ndarray
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -60,32 +68,43 @@ class Pairs(Answering):
         return PointTraces(self.transfer, self.points, self.nodes, self.slid, w, f)
 
     def responses(self, W: np.ndarray, F: np.ndarray) -> Iterator[np.ndarray]:
-        """Changes of F by fields W, F (m, D + G) of the bodies, those of the first sides and of the second: (m, 3, P) each."""
+        """Changes of F by fields W, F (m, D + G) of the bodies, those of the first sides and of the
+        second: (m, 3, P) each.
+        """
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
         linear = replace(self, slid=np.zeros_like(self.slid))
-        return (linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
+        return (linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted()
+                for side in (~second, second))
 
-    def duality_gap(self, force: np.ndarray, jump: np.ndarray, before: History, step: int) -> np.ndarray:
-        """(P,) γ of forces and jumps (3, P), as ``Law.duality_gap``; 0 at points of other ranks, and of laws that have no price."""
+    def duality_gap(self, force: np.ndarray, jump: np.ndarray, before: History,
+                    step: int) -> np.ndarray:
+        """(P,) γ of forces and jumps (3, P), as ``Law.duality_gap``; 0 at points of other ranks,
+        and of laws that have no price.
+        """
         result = np.zeros(len(self))
         for run in self.runs:
             if run.law.prices:
                 part = run.part
-                result[part] = run.law.duality_gap(run.points.at(step), force[:, part], jump[:, part], before.jump[:, part])
+                result[part] = run.law.duality_gap(run.points.at(step), force[:, part],
+                                                   jump[:, part], before.jump[:, part])
         return np.where(self.mine, result, 0.0)
 
     # ---- springs of stabilisation --------------------------------------------------------------
 
     def anchors(self, w: np.ndarray | None) -> np.ndarray | None:
-        """(T, 3, P) jumps of traces (T, D + G), at which springs carry nothing; None without springs, or without traces."""
+        """(T, 3, P) jumps of traces (T, D + G), at which springs carry nothing; None without
+        springs, or without traces.
+        """
         if self.stabilisation is None or w is None:
             return None
         return self.transfer.jump(w) + self.slid
 
     def weakest(self, team: Team) -> float:
-        """The smallest ε of springs of stabilisation, of all ranks; infinite where there are none."""
+        """The smallest ε of springs of stabilisation, of all ranks; infinite where there are
+        none.
+        """
         if self.stabilisation is None:  # on all ranks, or on none
             return np.inf
         return -team.max(-self.stabilisation[self.stabilisation > 0].min(initial=np.inf))[0]
@@ -99,7 +118,8 @@ class Pairs(Answering):
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the points (Q,) int, ascending, of the same interfaces."""
         springs = self.stabilisation if self.stabilisation is None else self.stabilisation[chosen]
-        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=self.runs_at(chosen),
+        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen],
+                       runs=self.runs_at(chosen),
                        stabilisation=springs, slid=self.slid[:, chosen])
 
     def among(self, interfaces: np.ndarray) -> Pairs:
@@ -119,8 +139,10 @@ class Pairs(Answering):
             for side in self.transfer.sides[i.index]:
                 traces[side] = True
         some = self.some(first)
-        return replace(some, interfaces=self.interfaces[:count], transfer=replace(some.transfer, bounds=self.bounds[: count + 1]),
-                       nodes=self.nodes.some(traces), runs=[run for run in some.runs if not run.law.perfect])
+        return replace(some, interfaces=self.interfaces[:count],
+                       transfer=replace(some.transfer, bounds=self.bounds[: count + 1]),
+                       nodes=self.nodes.some(traces),
+                       runs=[run for run in some.runs if not run.law.perfect])
 
     def batch(self, steps) -> Pairs:
         """The pairs for some of the load steps, a slice or indices."""

@@ -1,7 +1,9 @@
-"""Traces are rows, one per load step: (T, D) from the black box to the laws; and what is done to their columns.
+"""Traces are rows, one per load step: (T, D) from the black box to the laws; and what is done to
+their columns.
 
-A row lies together in memory, as a right-hand side does in a message and as components do in the laws. Sparse matrices
-multiply columns, several of them in one go, so that ``times`` turns its argument for the product alone.
+A row lies together in memory, as a right-hand side does in a message and as components do in the
+laws. Sparse matrices multiply columns, several of them in one go, so that ``times`` turns its
+argument for the product alone.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 from scipy.linalg.blas import daxpy
 
-DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
+# eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
+DEPENDENT = 1e-10
 
 
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
@@ -53,7 +56,9 @@ def bounds_of(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
 
 
 def scattered(number: np.ndarray) -> np.ndarray:
-    """Numbers between −1 and 1 of no symmetry, one for each whole number: the same whatever the ranks."""
+    """Numbers between −1 and 1 of no symmetry, one for each whole number: the same whatever the
+    ranks.
+    """
     return np.modf(np.sin(number * 12.9898 + 1.0) * 43758.5453)[0]
 
 
@@ -63,7 +68,8 @@ def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.nda
 
 
 def orthonormal(gram: np.ndarray, beside: float = 0.0) -> np.ndarray:
-    """(n, n) R with which fields of this Gram matrix (n, n) become orthonormal, Rᵀ gram R = 1; its columns are zero where fields depend
+    """(n, n) R with which fields of this Gram matrix (n, n) become orthonormal, Rᵀ gram R = 1; its
+    columns are zero where fields depend
     on others, or are nothing ``beside`` the square of a field that has been taken out of them."""
     size, vectors = np.linalg.eigh(gram)
     there = size > DEPENDENT * size.max(initial=beside)
@@ -80,10 +86,13 @@ def eigenvalue(product: Callable[[np.ndarray], np.ndarray], size: int, end: str)
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:
-    """The matrix with indices of 32 bits where they suffice: a third less to keep, and to read in every product."""
+    """The matrix with indices of 32 bits where they suffice: a third less to keep, and to read in
+    every product.
+    """
     if max(matrix.nnz, *matrix.shape) > np.iinfo(np.int32).max:
         return matrix
-    return sp.csr_array((matrix.data, matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)),
+    return sp.csr_array((matrix.data, matrix.indices.astype(np.int32, copy=False),
+                         matrix.indptr.astype(np.int32, copy=False)),
                         shape=matrix.shape)
 
 
@@ -99,15 +108,20 @@ def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
 
 
 def block_diagonal(blocks: Sequence[np.ndarray], counts: Sequence[int]) -> sp.csr_array:
-    """(sum of counts, sum of m) blocks (count, m) one after the other; zeros are no entries. Those of no rows keep their columns."""
+    """(sum of counts, sum of m) blocks (count, m) one after the other; zeros are no entries. Those
+    of no rows keep their columns.
+    """
     widths = np.array([b.shape[1] for b in blocks], dtype=int)
-    values = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(blocks, counts) if count)])
+    values = np.concatenate(
+        [np.empty(0), *(b.ravel() for b, count in zip(blocks, counts) if count)])
     width = np.repeat(widths, counts)  # of each row
     row, filled = np.repeat(np.arange(len(width)), width), np.flatnonzero(values)
     row = row[filled]
-    column = filled + (np.repeat(np.cumsum(widths) - widths, counts) - (np.cumsum(width) - width))[row]
+    column = filled + (np.repeat(np.cumsum(widths) - widths, counts)
+                       - (np.cumsum(width) - width))[row]
     ends = bounds_of(np.bincount(row, minlength=len(width)))
-    return narrow(sp.csr_array((values[filled], column, ends), shape=(len(width), int(widths.sum()))))
+    return narrow(sp.csr_array((values[filled], column, ends),
+                               shape=(len(width), int(widths.sum()))))
 
 
 def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
@@ -115,21 +129,27 @@ def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: in
     slots = [np.asarray(at, np.int32) for at in slots]
     row = joined([np.repeat(at, np.diff(block.indptr)) for block, at in zip(blocks, slots)])
     column = joined([at[block.indices] for block, at in zip(blocks, slots)])
-    return narrow(sp.csr_array((np.concatenate([np.empty(0), *(block.data for block in blocks)]), (row, column)), shape=(size, size)))
+    return narrow(
+        sp.csr_array((np.concatenate([np.empty(0), *(block.data for block in blocks)]),
+                      (row, column)), shape=(size, size)))
 
 
 class Blocks:
-    """A matrix of blocks, those that are alike kept once: products with columns, its transpose, a diagonal.
+    """A matrix of blocks, those that are alike kept once: products with columns, its transpose, a
+    diagonal.
 
     alone : (n, m) sparse, of the blocks that are like no other
-    shared : per kind the block (r, c), and rows (k, r) and columns (k, c) of all that are like it, none of which is there twice
+    shared : per kind the block (r, c), and rows (k, r) and columns (k, c) of all that are like it,
+        none of which is there twice
     """
 
-    def __init__(self, alone: sp.csr_array, shared: Sequence[tuple[sp.csr_array, np.ndarray, np.ndarray]]):
+    def __init__(self, alone: sp.csr_array,
+                 shared: Sequence[tuple[sp.csr_array, np.ndarray, np.ndarray]]):
         self.alone, self.shared, self.shape = alone, shared, alone.shape
 
     @classmethod
-    def symmetric(cls, blocks: Sequence[sp.csr_array], numbers: Sequence[int], starts: Sequence[int], size: int) -> Blocks:
+    def symmetric(cls, blocks: Sequence[sp.csr_array], numbers: Sequence[int],
+                  starts: Sequence[int], size: int) -> Blocks:
         """(size, size) from blocks (t, t) on dofs that lie together.
 
         blocks : the different ones; numbers, starts : which of them each is, and its first dof
@@ -137,14 +157,17 @@ class Blocks:
         numbers, starts = np.array(numbers, dtype=int), np.array(starts, dtype=int)
         members = np.bincount(numbers, minlength=len(blocks))
         spans = [np.arange(block.shape[0]) for block in blocks]
-        at = {k: (starts[numbers == k][:, None] + spans[k]).astype(np.int32) for k in np.flatnonzero(members > 1)}
+        at = {k: (starts[numbers == k][:, None] + spans[k]).astype(np.int32)
+              for k in np.flatnonzero(members > 1)}
         lone = np.flatnonzero(members[numbers] == 1).tolist()
-        return cls(placed([blocks[numbers[i]] for i in lone], [starts[i] + spans[numbers[i]] for i in lone], size),
+        return cls(placed([blocks[numbers[i]] for i in lone],
+                          [starts[i] + spans[numbers[i]] for i in lone], size),
                    [(blocks[k], own, own) for k, own in at.items()])
 
     @classmethod
     def found(cls, matrix: sp.csr_array, groups: Sequence[Sequence[tuple[slice, slice]]]) -> Blocks:
-        """A sparse matrix (n, m) whose rows all are in one block: alike are those of a group with the same numbers.
+        """A sparse matrix (n, m) whose rows all are in one block: alike are those of a group with
+        the same numbers.
 
         groups : rows and columns of blocks; of one group no two share any
         """
@@ -154,32 +177,39 @@ class Blocks:
             for rows, columns in group:
                 ends = matrix.indptr[rows.start : rows.stop + 1]
                 within = slice(ends[0], ends[-1])
-                key = digest(np.diff(ends), matrix.indices[within] - columns.start, matrix.data[within])
+                key = digest(np.diff(ends), matrix.indices[within] - columns.start,
+                             matrix.data[within])
                 kinds.setdefault((number, key), []).append((rows, columns))
         several = [members for members in kinds.values() if len(members) > 1]
-        shared = [(sp.csr_array(matrix[members[0][0]][:, members[0][1]]), *(_together(each) for each in zip(*members))) for members in several]
+        shared = [(sp.csr_array(matrix[members[0][0]][:, members[0][1]]),
+                   *(_together(each) for each in zip(*members))) for members in several]
         counts, kept = np.diff(matrix.indptr), np.ones(matrix.shape[0], dtype=bool)
         for _, rows, _ in shared:
             kept[rows] = False
         entries, ends = np.repeat(kept, counts), bounds_of(np.where(kept, counts, 0))
-        return cls(narrow(sp.csr_array((matrix.data[entries], matrix.indices[entries], ends), shape=matrix.shape)), shared)
+        return cls(
+            narrow(sp.csr_array((matrix.data[entries], matrix.indices[entries], ends),
+                                shape=matrix.shape)), shared)
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         """Products with x (m,) or (m, T)."""
         result = self.alone @ x
         for block, rows, columns in self.shared:
             given = x[columns].swapaxes(0, 1)
-            result[rows] += (block @ given.reshape(len(given), -1)).reshape(len(rows[0]), *given.shape[1:]).swapaxes(0, 1)
+            result[rows] += (block @ given.reshape(len(given), -1)).reshape(
+                len(rows[0]), *given.shape[1:]).swapaxes(0, 1)
         return result
 
     @property
     def T(self) -> Blocks:
         """(m, n) its transpose."""
-        return Blocks(self.alone.T, [(block.T, columns, rows) for block, rows, columns in self.shared])
+        return Blocks(self.alone.T,
+                      [(block.T, columns, rows) for block, rows, columns in self.shared])
 
     def magnitudes(self) -> Blocks:
         """The same of magnitudes, which do not outlive a product: kept, they would take as much."""
-        return Blocks(np.abs(self.alone), [(np.abs(block), rows, columns) for block, rows, columns in self.shared])
+        return Blocks(np.abs(self.alone),
+                      [(np.abs(block), rows, columns) for block, rows, columns in self.shared])
 
     def diagonal(self) -> np.ndarray:
         """(n,) of a symmetric one."""
@@ -199,7 +229,8 @@ def digest(*arrays: np.ndarray) -> bytes:
 
 def _together(slices: Sequence[slice]) -> np.ndarray:
     """(k, n) int32 what slices of one length hold."""
-    return (np.array([each.start for each in slices])[:, None] + np.arange(slices[0].stop - slices[0].start)).astype(np.int32)
+    return (np.array([each.start for each in slices])[:, None]
+            + np.arange(slices[0].stop - slices[0].start)).astype(np.int32)
 
 
 class ColumnSegments:
@@ -213,14 +244,17 @@ class ColumnSegments:
     """
 
     def __init__(self, parts: Sequence[slice]):
-        self.subdomains = np.array([e for e, part in enumerate(parts) if part.stop > part.start], dtype=int)
+        self.subdomains = np.array([e for e, part in enumerate(parts) if part.stop > part.start],
+                                   dtype=int)
         self.slices = [parts[e] for e in self.subdomains]
         self.starts = np.array([part.start for part in self.slices], dtype=int)
-        self.member = np.repeat(np.arange(len(self.starts)), [part.stop - part.start for part in self.slices])
+        self.member = np.repeat(np.arange(len(self.starts)),
+                                [part.stop - part.start for part in self.slices])
 
     def sums(self, x: np.ndarray) -> np.ndarray:
         """(…, S) of values (…, columns)."""
-        return np.add.reduceat(x, self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+        return np.add.reduceat(x, self.starts,
+                               axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
 
     def products(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(rows, S) sums of a · b, (rows, columns) each, and of their magnitudes."""
@@ -228,7 +262,8 @@ class ColumnSegments:
 
     def largest(self, x: np.ndarray) -> np.ndarray:
         """(rows, S) largest magnitude of values (rows, columns); nan where any is."""
-        return np.maximum.reduceat(np.abs(x), self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+        return np.maximum.reduceat(np.abs(x), self.starts,
+                                   axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
 
     def spread(self, values: np.ndarray) -> np.ndarray:
         """(…, columns) to each column what its subdomain has of (…, S)."""
@@ -239,11 +274,13 @@ class ColumnSegments:
         return x[self.spread(which), np.arange(x.shape[1])]
 
     def lanczos(self, x: np.ndarray, product: Callable, image: Callable, steps: int) -> np.ndarray:
-        """(S, steps, steps) Lanczos' matrices of C k, of each subdomain by itself, from x (columns,) on: their ends are near its own.
+        """(S, steps, steps) Lanczos' matrices of C k, of each subdomain by itself, from x
+        (columns,) on: their ends are near its own.
 
         product : x → k x, of the inner product; image : k x → C k x
 
-        What is exhausted tells no other ends. What rounding leaves of orthogonality tells eigenvalues twice, but no other ones.
+        What is exhausted tells no other ends. What rounding leaves of orthogonality tells
+        eigenvalues twice, but no other ones.
         """
         last, result = np.zeros_like(x), np.zeros((steps, steps, len(self.slices)))
         for j in range(steps):

@@ -27,7 +27,8 @@ from orchestrator.scene.soles.ring import Ring
 class SearchDirection:
     """k⁻ on all trace dofs.
 
-    whole : (D + G, D + G) sparse, symmetric positive definite, one block per interface and side, ghosts included
+    whole : (D + G, D + G) sparse, symmetric positive definite, one block per interface and side,
+        ghosts included
     space : numbering
 
     k : (D, D) the part without ghosts
@@ -36,18 +37,23 @@ class SearchDirection:
 
     def __init__(self, whole: sp.csr_array, space: TraceSpace):
         self.whole, self.space, d = whole, space, space.size
-        own = whole.indptr[d]  # own rows come first and meet no ghosts: the same numbers, not a copy
-        self.k = sp.csr_array((whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]), shape=(d, d))
+        # own rows come first and meet no ghosts: the same numbers, not a copy
+        own = whole.indptr[d]
+        self.k = sp.csr_array((whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]),
+                              shape=(d, d))
         self.whole_diagonal = whole.diagonal()
         self.diagonal = self.whole_diagonal[:d]
 
     def scaled(self, factors: np.ndarray) -> SearchDirection:
-        """The search direction of soles whose moduli are multiplied by factors (interfaces of the scene,)."""
+        """The search direction of soles whose moduli are multiplied by factors (interfaces of the
+        scene,).
+        """
         each = np.ones(self.whole.shape[0])
         for factor, sides in zip(factors, self.space.sides):
             for dofs in sides:
                 each[dofs] = factor
-        return SearchDirection(sp.diags_array(each) @ self.whole, self.space)  # no entry couples two interfaces
+        # no entry couples two interfaces
+        return SearchDirection(sp.diags_array(each) @ self.whole, self.space)
 
     @cached_property
     def solve(self) -> Factor:
@@ -59,11 +65,15 @@ class SearchDirection:
         return times(self.k, w)
 
     def robin(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
-        """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the stiffness there; ``known``: as of traces."""
+        """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the
+        stiffness there; ``known``: as of traces.
+        """
         return self.space.loads(self.times(self.space.trace(u, known)))
 
     def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
-        """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``."""
+        """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in
+        ``space.subdomains``.
+        """
         rows, whole = self.space.scatter, self.k  # no entry couples two subdomains
         if len(subdomains) and not self.space.by_nodes:
             whole = rows @ whole @ rows.T
@@ -75,7 +85,8 @@ class SearchDirection:
         return self.space.transfer.seen_across(self.whole)
 
 
-def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, share: bool, savings: Savings) -> SearchDirection:
+def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox,
+                              share: bool, savings: Savings) -> SearchDirection:
     """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
 
     soles : of both sides of interfaces, or rings of this rank's subdomains
@@ -91,7 +102,8 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
         numbers += [number] * len(own)
         slots += own
     blocks = [stiffness[chosen][:, chosen] for _, stiffness, chosen in different.values()]
-    return SearchDirection(placed([blocks[number] for number in numbers], slots, len(space.owner)), space)
+    return SearchDirection(placed([blocks[number] for number in numbers], slots, len(space.owner)),
+                           space)
 
 
 Request = tuple[Model, np.ndarray, list[np.ndarray]]
@@ -101,7 +113,8 @@ def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
     """Models of the soles of interfaces, which components of their nodes are free, and which trace
     dofs these are."""
     return [(model, scene.interfaces[index].traced(side), list(
-        space.sides[index] if both_alike(scene, index, soles[index]) else [space.sides[index][side]]))
+        space.sides[index] if both_alike(scene, index, soles[index])
+        else [space.sides[index][side]]))
         for model, (index, side) in sole_models(scene, soles)]
 
 
@@ -117,8 +130,8 @@ class Nearest:
 
         min ½ ‖ŵ − w‖²_k + fᵀŵ   where   B ŵ = 0
 
-    What is prescribed stays what it is. One sparse factorisation, in which no side is to be inverted and no mesh need be the
-    finer one,
+    What is prescribed stays what it is. One sparse factorisation, in which no side is to be
+    inverted and no mesh need be the finer one,
 
         [k  Bᵀ] [ŵ − w]   [ −f ]
         [B  0 ] [  q  ] = [−B w]
@@ -130,12 +143,15 @@ class Nearest:
 
     def __init__(self, k: sp.csr_array, B: sp.csr_array, held: np.ndarray):
         self.k, self.B, self.free = k, B, np.flatnonzero(~held)
-        self.unit = float(k.diagonal().mean())  # forces in units of displacements: pivots are compared with each other
+        # forces in units of displacements: pivots are compared with each other
+        self.unit = float(k.diagonal().mean())
         inside, across = k[self.free][:, self.free] / self.unit, B[:, self.free]
         self.factor = sla.splu(sp.csc_array(sp.block_array([[inside, across.T], [across, None]])))
 
     def moves(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ − w and f̂ = −Bᵀq, (T, n) each, of traces (T, n) and forces; f̂ = f + k(ŵ − w) but for what is prescribed."""
+        """ŵ − w and f̂ = −Bᵀq, (T, n) each, of traces (T, n) and forces; f̂ = f + k(ŵ − w) but for
+        what is prescribed.
+        """
         right = np.hstack([-f[:, self.free] / self.unit, -times(self.B, w)])
         found = self.factor.solve(np.ascontiguousarray(right.T))
         move = np.zeros_like(w)
@@ -153,5 +169,6 @@ def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> t
     """
     if k.shape[0] < 3:
         return 1.0, 1.0
-    low, high = (eigenvalue(lambda x: root(k @ root(np.ravel(x))), k.shape[0], end) for end in ("SA", "LA"))
+    low, high = (eigenvalue(lambda x: root(k @ root(np.ravel(x))), k.shape[0], end)
+                 for end in ("SA", "LA"))
     return low, high

@@ -1,4 +1,6 @@
-"""Solving with sparse symmetric matrices of which every rank has a part, factorised once: the macro problem, repositioning."""
+"""Solving with sparse symmetric matrices of which every rank has a part, factorised once: the macro
+problem, repositioning.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +17,25 @@ from orchestrator.parallel.petsc import SpreadBlocks, shared_by
 from orchestrator.parallel.team import Team
 
 COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns are at hand
-# Unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and 13 s on eight and four ranks instead of 28 and 20,
-# and 174 and 294 MB instead of 282 and 140; with 1,200 both take some seconds (``benchmarks.studies.borders``).
+# Unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and 13 s on
+# eight and four ranks instead of 28 and 20,
+# and 174 and 294 MB instead of 282 and 140; with 1,200 both take some seconds
+# (``benchmarks.studies.borders``).
 SPREAD = 5000
 
 
 class SpreadFactor:
-    """Solves with a symmetric positive definite matrix of which every rank has a part: each eliminates what it alone sees.
+    """Solves with a symmetric positive definite matrix of which every rank has a part: each
+    eliminates what it alone sees.
 
-    Of A = Σ Aʳ every rank has Aʳ in the unknowns that it sees: I, which no other sees, and S, which it shares. With
-    Aʳ = [[A_II, A_IS], [A_SI, A_SS]], A_II complete,
+    Of A = Σ Aʳ every rank has Aʳ in the unknowns that it sees: I, which no other sees, and S, which
+    it shares. With Aʳ = [[A_II, A_IS], [A_SI, A_SS]], A_II complete,
 
         Σ = Σ_r (A_SS − A_SI A_II⁻¹ A_IS),     Σ x_S = Σ_r (b_S − A_SI A_II⁻¹ b_I),     x_I = A_II⁻¹ (b_I − A_IS x_S)
 
-    Σ, of the unknowns on the borders between ranks, is a sum of a dense block of each rank: spread over the ranks by MUMPS where
-    there is PETSc (``SpreadBlocks``), dense and on every rank where there is none, or where it is small (``CommonBlocks``).
+    Σ, of the unknowns on the borders between ranks, is a sum of a dense block of each rank: spread
+    over the ranks by MUMPS where there is PETSc (``SpreadBlocks``), dense and on every rank where
+    there is none, or where it is small (``CommonBlocks``).
 
     lower : (n, n) sparse, the lower triangle of this rank's part
     number : (n,) int, ascending, which unknowns of all ranks these are
@@ -46,11 +52,15 @@ class SpreadFactor:
         self._coupling = whole[self._border][:, self._inside]  # A_SI
         left = whole[self._border][:, self._border].toarray()
         for a in range(0, len(left), COLUMNS):
-            left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
+            left[:,
+                 a : a + COLUMNS] -= self._coupling @ self._inner(
+                     self._coupling[a : a + COLUMNS].toarray()).T
         self._sum = on_borders((left + left.T) / 2, number[shared], team)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """(T, n) solutions in the unknowns that this rank sees, from its part (T, n) of the right-hand sides."""
+        """(T, n) solutions in the unknowns that this rank sees, from its part (T, n) of the
+        right-hand sides.
+        """
         result, own = np.empty_like(rows), rows[:, self._inside]
         found = self._sum(rows[:, self._border] - times(self._coupling, self._inner(own)))
         result[:, self._border] = found
@@ -58,8 +68,10 @@ class SpreadFactor:
         return result
 
 
-def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
-    """A solver with the sum of all ranks' blocks: from parts (T, n) of the right-hand sides to solutions (T, n).
+def on_borders(block: np.ndarray, number: np.ndarray,
+               team: Team) -> Callable[[np.ndarray], np.ndarray]:
+    """A solver with the sum of all ranks' blocks: from parts (T, n) of the right-hand sides to
+    solutions (T, n).
 
     block : (n, n) symmetric; number : (n,) int, which unknowns of all ranks these are
     Raises RuntimeError: it is singular
@@ -76,9 +88,12 @@ def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[n
     return CommonBlocks(_factorised(*team.sum(triangle), total), place, total, team)
 
 
-def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
-    """A solver with the sum of all ranks' parts, positive semidefinite, regularised by rounding where it is singular: from parts (T, n)
-    of the right-hand sides to solutions (T, n). MUMPS's where there is PETSc and many unknowns; else every rank has the whole.
+def semidefinite(part: sp.csr_array, number: np.ndarray,
+                 team: Team) -> Callable[[np.ndarray], np.ndarray]:
+    """A solver with the sum of all ranks' parts, positive semidefinite, regularised by rounding
+    where it is singular: from parts (T, n)
+    of the right-hand sides to solutions (T, n). MUMPS's where there is PETSc and many unknowns;
+    else every rank has the whole.
 
     part : (n, n) sparse; number : (n,) int, ascending, which unknowns of all ranks these are
     """
@@ -92,38 +107,51 @@ def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable
         except RuntimeError:  # on all ranks alike: a pivot vanishes all the same
             pass
     entries = sp.coo_array(part)
-    data, row, column = (np.concatenate(same) for same in zip(*team.all_gather((entries.data, *(place[at] for at in entries.coords)))))
-    return CommonBlocks(semidefinite_solver(sp.csr_array((data, (row, column)), shape=(total, total))), place, total, team)
+    data, row, column = (np.concatenate(same)
+                         for same in zip(
+                             *team.all_gather((entries.data,
+                                               *(place[at] for at in entries.coords)))))
+    return CommonBlocks(
+        semidefinite_solver(sp.csr_array((data, (row, column)), shape=(total, total))), place,
+        total, team)
 
 
 def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) int, where a rank's numbers are among those of all ranks, rank by rank, and (ranks,) how many each is the first to have."""
+    """(n,) int, where a rank's numbers are among those of all ranks, rank by rank, and (ranks,) how
+    many each is the first to have.
+    """
     everyone = team.all_gather(number)
     unique, first = np.unique(np.concatenate(everyone), return_index=True)
     place = np.argsort(np.argsort(first))
     ends = np.cumsum([len(one) for one in everyone])
-    return place[np.searchsorted(unique, number)], np.bincount(np.searchsorted(ends, first, side="right"), minlength=team.size)
+    return place[np.searchsorted(unique, number)], np.bincount(
+        np.searchsorted(ends, first, side="right"), minlength=team.size)
 
 
 class CommonBlocks:
-    """Solves with all of Σ on every rank: one sum per solution, and nobody waits for rank 0. Right where borders are small.
+    """Solves with all of Σ on every rank: one sum per solution, and nobody waits for rank 0. Right
+    where borders are small.
 
     solve : of rows (T, total), with Σ
     place : (n,) int, where this rank's unknowns are among ``total``
     """
 
-    def __init__(self, solve: Callable[[np.ndarray], np.ndarray], place: np.ndarray, total: int, team: Team):
+    def __init__(self, solve: Callable[[np.ndarray], np.ndarray], place: np.ndarray, total: int,
+                 team: Team):
         self._solve, self._place, self._total, self._team = solve, place, total, team
 
     def __call__(self, parts: np.ndarray) -> np.ndarray:
-        """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the right-hand sides."""
+        """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the
+        right-hand sides.
+        """
         carried = np.zeros((len(parts), self._total))
         carried[:, self._place] = parts
         return self._solve(*self._team.sum(carried))[:, self._place]
 
 
 def _factorised(triangle: np.ndarray, size: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A solver with a dense symmetric matrix (size, size), for rows (T, n); its lower triangle as LAPACK packs it (RFP). Raises
+    """A solver with a dense symmetric matrix (size, size), for rows (T, n); its lower triangle as
+    LAPACK packs it (RFP). Raises
     RuntimeError: it is singular"""
     if not size:
         return lambda rows: rows
@@ -131,7 +159,8 @@ def _factorised(triangle: np.ndarray, size: int) -> Callable[[np.ndarray], np.nd
     if not failed:
         return lambda rows: lapack.dpftrs(size, factor, rows.T, uplo="L")[0].T
     whole = np.tril(lapack.dtfttr(size, triangle, uplo="L")[0])
-    lower, pivots = la.lu_factor(whole + np.tril(whole, -1).T)  # not quite positive definite: on all ranks alike, which hold the same numbers
+    # not quite positive definite: on all ranks alike, which hold the same numbers
+    lower, pivots = la.lu_factor(whole + np.tril(whole, -1).T)
     if not np.diagonal(lower).all():
         raise RuntimeError("a pivot vanishes")
     return lambda rows: la.lu_solve((lower, pivots), rows.T).T

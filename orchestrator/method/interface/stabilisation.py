@@ -28,25 +28,32 @@ from orchestrator.config.method import STABLEST, SoleSettings
 from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
-ANEW = 1e-6  # ε of springs that begin anew, the weakest in an iteration: see ``coarse.problem`` for those before
+# ε of springs that begin anew, the weakest in an iteration: see ``coarse.problem`` for those before
+ANEW = 1e-6
 SHARE = 0.25  # of the law residual that the tolerance allows, with which auto begins
 FLOOR = 2.0  # what is left of the law residual, over ε
 NOTICED = 0.1  # ε over the law residual allowed, from which its floor is worth a warning
-FINE = 1e-2  # discretisation error of a mesh finer than most: what ``error: auto`` may come to ask for a fraction of
+# discretisation error of a mesh finer than most: what ``error: auto`` may come to ask for a
+# fraction of
+FINE = 1e-2
 
 
 def allowed_residual(tolerance) -> float:
-    """The law residual that ``method.tolerance`` stands for; the paper's indicator is a squared ratio."""
+    """The law residual that ``method.tolerance`` stands for; the paper's indicator is a squared
+    ratio.
+    """
     if tolerance.error == "auto":
         return tolerance.fraction * FINE
-    return math.sqrt(tolerance.indicator) if tolerance.indicator is not None else tolerance.law or tolerance.error
+    return math.sqrt(
+        tolerance.indicator) if tolerance.indicator is not None else tolerance.law or tolerance.error
 
 
 def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
     """(interfaces,) ε with which the iterations begin; zero where the law joins its sides.
 
-    method : ``method`` of the configuration. With ``contact: {stabilisation: auto}`` interfaces alone that touch a loose
-        body have one, so that a scene that holds together is left as it is; a number is that of all
+    method : ``method`` of the configuration. With ``contact: {stabilisation: auto}`` interfaces
+        alone that touch a loose body have one, so that a scene that holds together is left as it
+        is; a number is that of all
     scale : factor on the soles that ``method`` asks for
     """
     opens = np.array([not i.law.joins for i in scene.interfaces], dtype=bool)
@@ -62,12 +69,17 @@ def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
 
 
 def begin_anew(scene: Scene, method) -> bool:
-    """Whether springs begin anew in every iteration: those of auto, where bodies are loose that the coarse problem moves."""
-    return method.contact.stabilisation == "auto" and method.coarse != "none" and bool(loose_bodies(scene).any())
+    """Whether springs begin anew in every iteration: those of auto, where bodies are loose that the
+    coarse problem moves.
+    """
+    return method.contact.stabilisation == "auto" and method.coarse != "none" and bool(
+        loose_bodies(scene).any())
 
 
 def _on_usual_soles(share: float, method, scale: float) -> float:
-    """ε that makes the springs' rate ε keq what it is on the default soles: soles are how a scene is solved, not what it is."""
+    """ε that makes the springs' rate ε keq what it is on the default soles: soles are how a scene
+    is solved, not what it is.
+    """
     return min(share * SoleSettings().contact_ratio / (scale * method.sole.contact_ratio), STABLEST)
 
 
@@ -79,5 +91,9 @@ def cautions(method) -> list[str]:
     floor = FLOOR * asked
     says = f"method.contact.stabilisation {asked:g} leaves a law residual of about {floor:.0e}, more where bodies go far: "
     if floor >= allowed:
-        return [says + f"the tolerance, {allowed:.0e}, is probably out of reach; take auto, or at most {allowed * NOTICED:.0e}"]
-    return [says + f"{floor / allowed:.0%} of the tolerance, {allowed:.0e}; {allowed * NOTICED:.0e} would hardly be felt"]
+        return [says
+                + f"the tolerance, {allowed:.0e}, is probably out of reach; take auto, or at most "
+                f"{allowed * NOTICED:.0e}"]
+    return [says
+            + f"{floor / allowed:.0%} of the tolerance, {allowed:.0e}; {allowed * NOTICED:.0e} "
+            "would hardly be felt"]

@@ -10,13 +10,14 @@ Two numberings are used throughout the method:
 Where a scene is solved *by nodes* (``scene.soles.ring``) a subdomain has one trace dof for each
 boundary dof, whatever the number of interfaces there: the sides of interfaces share them.
 
-The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component that is
-prescribed on one side of an opening interface is no unknown of its body: *held* trace dofs have no boundary dof, their
-displacement is ``known``, and their force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
+The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component
+that is prescribed on one side of an opening interface is no unknown of its body: *held* trace dofs
+have no boundary dof, their displacement is ``known``, and their force acts on the support. All
+fields are rows, one per load step: (T, B), (T, D).
 
-Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
-dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
-brings the ghosts' values, point to point; fields are kept without them.
+Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its
+D trace dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its
+interfaces. ``extended`` brings the ghosts' values, point to point; fields are kept without them.
 """
 
 from __future__ import annotations
@@ -41,21 +42,32 @@ class TraceSpace:
 
     subdomains: list[int]  # those numbered here, ascending
     boundary: list[slice]  # for each, the slice of its boundary dofs
-    global_dof: np.ndarray  # (B,) int, 3 * node of the scene, or of the rank's part of it, + component
+    # (B,) int, 3 * node of the scene, or of the rank's part of it, + component
+    global_dof: np.ndarray
     gather: np.ndarray  # (D,) int, boundary dof of each trace dof; −1 where it is held
     dof: np.ndarray  # (D,) int, 3 * node + component of each trace dof, in the same numbering
     owner: np.ndarray  # (D + G,) int, subdomain of each trace dof
-    held_at: np.ndarray  # (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node + component
-    transfer: Transfer  # how the two sides of all interfaces meet, with a point for every component that is free on both
-    label: np.ndarray  # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
-    labels: np.ndarray  # (classes,) int, ascending, what these are called on all ranks: the lowest of their numbers in the whole scene
+    # (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node +
+    # component
+    held_at: np.ndarray
+    # how the two sides of all interfaces meet, with a point for every component that is free on
+    # both
+    transfer: Transfer
+    # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a
+    # class
+    label: np.ndarray
+    # (classes,) int, ascending, what these are called on all ranks: the lowest of their numbers in
+    # the whole scene
+    labels: np.ndarray
     link: Link  # what other parts have of it
     by_nodes: bool = False  # whether trace dofs are the boundary dofs, shared by sides
 
     @classmethod
-    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray], rank_of: np.ndarray,
+    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray],
+           rank_of: np.ndarray,
            team: Team = ALONE, by_nodes: bool = False) -> TraceSpace:
-        """Number the traces; where several ranks share a scene they do it together, each from its part.
+        """Number the traces; where several ranks share a scene they do it together, each from its
+        part.
 
         sides : per subdomain, its (interface, side) pairs
         traces : per subdomain of this rank, its (t,) boundary dofs in local numbering, ascending
@@ -66,11 +78,14 @@ class TraceSpace:
         count = len(listed)
         listed += _far(scene, listed, rank_of)
         dofs, owner, stops = _on_sides(scene, listed)
-        size, subdomains, ends = int(stops[count]), [scene.subdomains[e] for e in mine], bounds_of([len(t) for t in traces])
+        size, subdomains, ends = int(stops[count]), [scene.subdomains[e]
+                                                     for e in mine], bounds_of(
+                                                         [len(t) for t in traces])
         # all own subdomains' dofs, one after the other
         starts = bounds_of([3 * len(s.nodes) for s in subdomains])
         everywhere = starts[np.searchsorted(mine, owner[:size])] + dofs[:size]
-        held = np.flatnonzero(joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
+        held = np.flatnonzero(
+            joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
         boundary = joined([start + trace for start, trace in zip(starts, traces)])
         place = np.zeros(starts[-1], dtype=int)
         place[boundary] = np.arange(ends[-1])
@@ -86,15 +101,23 @@ class TraceSpace:
         own: list[list] = [[none, none] for _ in scene.interfaces]
         for (_, index, side), a, b in zip(listed, stops[:-1], stops[1:]):
             own[index][side] = number[a:b]
-        transfer = Transfer.of(scene.interfaces, scene.matched, [tuple(s) for s in own], size, len(owner))
-        link, rank = Link.of(mine, np.bincount(owner[:size], minlength=len(sides))[mine], np.diff(ends), len(sides), team), rank_of[owner]
-        met = [rank_of[scene.interfaces[index].subdomains[1 - side]] for _, index, side in listed[:count]]
-        link.sends = {int(r): joined([own[index][side] for (_, index, side), to in zip(listed, met) if to == r])
+        transfer = Transfer.of(scene.interfaces, scene.matched, [tuple(s) for s in own], size,
+                               len(owner))
+        link, rank = Link.of(mine, np.bincount(owner[:size], minlength=len(sides))[mine],
+                             np.diff(ends), len(sides), team), rank_of[owner]
+        met = [rank_of[scene.interfaces[index].subdomains[1 - side]]
+               for _, index, side in listed[:count]]
+        link.sends = {
+            int(r): joined([own[index][side] for (_, index, side), to in zip(listed, met)
+                            if to == r])
                       for r in np.unique(rank[size:])}
         link.receives = {r: size + np.flatnonzero(rank[size:] == r) for r in link.sends}
         labels, label = np.unique(_labels(transfer, gather, rank, link), return_inverse=True)
-        return cls(mine.tolist(), _slices(ends), joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)]), gather,
-                   3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs[:size] % 3, owner,
+        return cls(mine.tolist(), _slices(ends),
+                   joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)]),
+                   gather,
+                   3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs[:size] % 3,
+                   owner,
                    np.column_stack([owner[held], dofs[held]]), transfer, label.ravel(), labels,
                    link, by_nodes)
 
@@ -126,12 +149,17 @@ class TraceSpace:
     # ---- other ranks ---------------------------------------------------------------------------
 
     def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per neighbour."""
+        """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per
+        neighbour.
+        """
         link, rows = self.link, sum(map(len, fields))
         if not link.receives:
             return fields
-        outgoing = {r: np.concatenate([f[:, dofs] for f in fields]) for r, dofs in link.sends.items()}
-        arrived = self.team.exchange(outgoing, {r: np.empty((rows, len(dofs))) for r, dofs in link.receives.items()})
+        outgoing = {r: np.concatenate([f[:, dofs] for f in fields])
+                    for r, dofs in link.sends.items()}
+        arrived = self.team.exchange(outgoing,
+                                     {r: np.empty((rows, len(dofs)))
+                                      for r, dofs in link.receives.items()})
         ghosts = np.empty((rows, len(self.owner) - self.size))
         for r, dofs in link.receives.items():
             ghosts[:, dofs - self.size] = arrived[r]
@@ -144,14 +172,17 @@ class TraceSpace:
 
     @cached_property
     def held_everywhere(self) -> np.ndarray:
-        """(D + G,) bool, trace dofs whose displacement is prescribed, ghosts included; all ranks have to ask."""
+        """(D + G,) bool, trace dofs whose displacement is prescribed, ghosts included; all ranks
+        have to ask.
+        """
         return self.extended((self.gather < 0).astype(float)[None])[0][0] > 0
 
     @cached_property
     def classes(self) -> sp.csr_array:
         """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
         b = len(self.label)
-        return narrow(sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(len(self.labels), b)))
+        return narrow(sp.csr_array((np.ones(b), (self.label, np.arange(b))),
+                                   shape=(len(self.labels), b)))
 
     def class_sums(self, values: np.ndarray) -> np.ndarray:
         """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
@@ -175,14 +206,21 @@ class TraceSpace:
 
     @cached_property
     def scatter(self) -> sp.csr_array:
-        """(B, D) transpose of the trace operator: sums trace forces into boundary forces; held ones load no body."""
+        """(B, D) transpose of the trace operator: sums trace forces into boundary forces; held ones
+        load no body.
+        """
         loose = np.flatnonzero(self.gather >= 0)
-        sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), self.size))
+        sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)),
+                            shape=(len(self.global_dof), self.size))
         return narrow(sums)
 
     def trace(self, boundary: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
-        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest, or what is ``known`` (T, D) added."""
-        traces = boundary.take(self.gather, axis=1) if boundary.shape[1] else np.zeros((len(boundary), self.size))
+        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest, or what
+        is ``known`` (T, D) added.
+        """
+        traces = boundary.take(self.gather,
+                               axis=1) if boundary.shape[1] else np.zeros(
+                                   (len(boundary), self.size))
         if len(self.held):
             traces[:, self.held] = 0.0
         return traces if known is None else traces + known
@@ -192,14 +230,17 @@ class TraceSpace:
         return self.extended(self.trace(boundary, known))[0]
 
     def side_by_side(self, fields: Mapping[int, np.ndarray], count: int) -> np.ndarray:
-        """(count, B) fields of boundary dofs, from (boundary dofs, at most ``count``) of subdomains by their place; else zero."""
+        """(count, B) fields of boundary dofs, from (boundary dofs, at most ``count``) of subdomains
+        by their place; else zero.
+        """
         result = np.zeros((count, len(self.global_dof)))
         for e, own in fields.items():
             result[: own.shape[1], self.boundary[e]] = own.T
         return result
 
     def known(self, subdomains: Sequence[Subdomain]) -> np.ndarray | None:
-        """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where none is held.
+        """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where
+        none is held.
 
         subdomains : of the scene
         """
@@ -209,7 +250,9 @@ class TraceSpace:
         traces = np.zeros((steps, self.size))
         for e in np.unique(self.held_at[:, 0]):
             mine = self.held_at[:, 0] == e
-            traces[:, self.held[mine]] = subdomains[e].prescribed.reshape(steps, -1)[:, self.held_at[mine, 1]]
+            traces[:,
+                   self.held[mine]] = subdomains[e].prescribed.reshape(steps, -1)[
+                       :, self.held_at[mine, 1]]
         return traces
 
     def loads(self, forces: np.ndarray) -> np.ndarray:
@@ -230,27 +273,36 @@ def _slices(ends: np.ndarray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
 
 
-def _far(scene: Scene, listed: list[tuple[int, int, int]], rank_of: np.ndarray) -> list[tuple[int, int, int]]:
-    """The sides (subdomain, interface, 0 or 1) that a rank's own ones meet on others, by subdomain, then by interface."""
+def _far(scene: Scene, listed: list[tuple[int, int, int]],
+         rank_of: np.ndarray) -> list[tuple[int, int, int]]:
+    """The sides (subdomain, interface, 0 or 1) that a rank's own ones meet on others, by subdomain,
+    then by interface.
+    """
     if not listed:
         return []
-    this, pairs = rank_of[listed[0][0]], ((scene.interfaces[index].subdomains[1 - side], index, 1 - side) for _, index, side in listed)
+    this, pairs = rank_of[listed[0][0]], ((scene.interfaces[index].subdomains[1 - side], index,
+                                           1 - side) for _, index, side in listed)
     return sorted(side for side in pairs if rank_of[side[0]] != this)
 
 
-def _on_sides(scene: Scene, listed: list[tuple[int, int, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Dofs (D + G,) int of subdomains, 3 * node + component, that are traced on some sides, and (D + G,) whose; and where each side's
+def _on_sides(scene: Scene,
+              listed: list[tuple[int, int, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dofs (D + G,) int of subdomains, 3 * node + component, that are traced on some sides, and (D
+    + G,) whose; and where each side's
     begin (sides + 1,)."""
     sides = [(scene.interfaces[index], side) for _, index, side in listed]
-    free, nodes = joined([i.traced(side) for i, side in sides], (0, 3)).astype(bool), joined([i.nodes[side] for i, side in sides])
+    free, nodes = joined([i.traced(side) for i, side in sides],
+                         (0, 3)).astype(bool), joined([i.nodes[side] for i, side in sides])
     counts = [len(i.nodes[side]) for i, side in sides]
     at = np.repeat([e for e, _, _ in listed], counts).astype(int)
     stops = bounds_of(free.sum(axis=1))[bounds_of(counts)]
-    return (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free], stops
+    return (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[
+        free], stops
 
 
 def _labels(transfer: Transfer, gather: np.ndarray, rank: np.ndarray, link: Link) -> np.ndarray:
-    """(B,) int, what the class of each boundary dof is called on all ranks: the lowest number of one of its dofs.
+    """(B,) int, what the class of each boundary dof is called on all ranks: the lowest number of
+    one of its dofs.
 
     rank : (D + G,) int, whose trace dofs are
     """
@@ -259,6 +311,7 @@ def _labels(transfer: Transfer, gather: np.ndarray, rank: np.ndarray, link: Link
     places = np.concatenate([gather, np.full(len(rank) - len(gather), -1)])
     both = (places[one] >= 0) & (places[two] >= 0)  # held dofs are prescribed on either side
     here = one < len(gather)
-    own, far = np.where(here, one, two), np.where(here, two, one)  # in the order of the points, which is that of other ranks
+    # in the order of the points, which is that of other ranks
+    own, far = np.where(here, one, two), np.where(here, two, one)
     across = {r: places[own[(far >= len(gather)) & (rank[far] == r)]] for r in link.sends}
     return classes(link.boundary_number, places[one[both]], places[two[both]], across, link.team)

@@ -1,11 +1,13 @@
-"""Transfer between the two sides of interfaces: jumps at points, forces of the points on either side (paper, eq. 5).
+"""Transfer between the two sides of interfaces: jumps at points, forces of the points on either
+side (paper, eq. 5).
 
 With the traces w of all sides in one vector and Q points,
 
     first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    opposed(q) = −Bᵀ q
 
-so that a force q on the first side and −q on the second works in the jump alone. Where nodes match, the points are the
-common nodes, and every row of G₁ and G₂ has one entry, which is 1. Elsewhere see ``scene.interfaces.mortar`` (dual mortar).
+so that a force q on the first side and −q on the second works in the jump alone. Where nodes match,
+the points are the common nodes, and every row of G₁ and G₂ has one entry, which is 1. Elsewhere see
+``scene.interfaces.mortar`` (dual mortar).
 """
 
 from __future__ import annotations
@@ -24,12 +26,15 @@ from orchestrator.scene.interface import Interface
 
 Sides = Sequence[tuple[np.ndarray, np.ndarray]]
 
-# Forces of points are read from mass matrices that condition well: their solutions' far entries fade below this.
+# Forces of points are read from mass matrices that condition well: their solutions' far entries
+# fade below this.
 FADED = 1e-14
 
 
 class Products(NamedTuple):
-    """Sparse operators (Q, D + G) of all points: G₁, G₂, and E, which reads the points' forces, E (−Bᵀ) = 1."""
+    """Sparse operators (Q, D + G) of all points: G₁, G₂, and E, which reads the points' forces, E
+    (−Bᵀ) = 1.
+    """
 
     G1: sp.csr_array
     G2: sp.csr_array
@@ -81,7 +86,8 @@ def inverse(mortar: Mortar) -> sp.csr_array:
         c, there = np.argmax(here), unit_rows(at, len(part))
         dense = np.linalg.inv(own[c::3, c::3][at][:, at].toarray())
         dense[np.abs(dense) < FADED * peak(dense)] = 0.0
-        result = result + sp.kron(there.T @ sp.csr_array(dense) @ there, np.diag(here), format="csr")
+        result = result + sp.kron(there.T @ sp.csr_array(dense) @ there, np.diag(here),
+                                  format="csr")
     return sp.csr_array(result)
 
 
@@ -89,20 +95,27 @@ def inverse(mortar: Mortar) -> sp.csr_array:
 class Transfer:
     """Transfer between the sides of all interfaces of a scene, or of some."""
 
-    # int array of any shape, here called Q: the trace dof, below D + G, of each point's own node on side 1; −1: there is no such point
+    # int array of any shape, here called Q: the trace dof, below D + G, of each point's own node on
+    # side 1; −1: there is no such point
     one: np.ndarray
     two: np.ndarray  # the same on side 2 where nodes match, and once more that on side 1 elsewhere
     size: int  # number of trace dofs D, and with ghosts D + G
     total: int
-    bounds: np.ndarray  # (interfaces + 1,) int, where the points of each interface start, along the last axis
-    sides: Sides  # per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is this rank's
-    matched: np.ndarray  # (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
+    # (interfaces + 1,) int, where the points of each interface start, along the last axis
+    bounds: np.ndarray
+    # per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is
+    # this rank's
+    sides: Sides
+    # (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
+    matched: np.ndarray
     perfect: np.ndarray
     products: Products  # of these points, flat
 
     @classmethod
-    def of(cls, interfaces: Sequence[Interface], matched: np.ndarray, sides: Sides, size: int, total: int) -> Transfer:
-        """Transfer of all interfaces of a scene, with a flat point for every component that both sides share.
+    def of(cls, interfaces: Sequence[Interface], matched: np.ndarray, sides: Sides, size: int,
+           total: int) -> Transfer:
+        """Transfer of all interfaces of a scene, with a flat point for every component that both
+        sides share.
 
         matched, sides, size, total : as of the class
         """
@@ -110,14 +123,20 @@ class Transfer:
         one = [a if i.mortar is None else a[i.mortar.dofs[i.mortar.live.ravel()]]
                for i, (a, _) in zip(interfaces, sides)]
         two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
-        products = Products.of_pairs(joined(one), joined(two), total) if matched.all() else Products.stacked([
-            Products.of_pairs(a, b, total) if i.mortar is None else Products.of_mortar(i.mortar, a, b, total)
+        products = Products.of_pairs(joined(one), joined(two),
+                                     total) if matched.all() else Products.stacked([
+            Products.of_pairs(a, b, total) if i.mortar is None
+            else Products.of_mortar(i.mortar, a, b, total)
             for i, (a, b) in zip(interfaces, sides)])
-        return cls(joined(one), joined(two), size, total, bounds_of([len(a) for a in one]), sides, matched, perfect, products)
+        return cls(joined(one), joined(two), size, total, bounds_of([len(a) for a in one]), sides,
+                   matched, perfect, products)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
-        """The transfer with other operators of some interfaces, of as many points, by their place in the scene."""
-        blocks = [Products(*(G[a:b] for G in self.products)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
+        """The transfer with other operators of some interfaces, of as many points, by their place
+        in the scene.
+        """
+        blocks = [Products(*(G[a:b] for G in self.products))
+                  for a, b in zip(self.bounds[:-1], self.bounds[1:])]
         for index, mortar in mortars.items():
             blocks[index] = Products.of_mortar(mortar, *self.sides[index], self.total)
         return replace(self, products=Products.stacked(blocks))
@@ -137,8 +156,10 @@ class Transfer:
         return self._times(self.B, x)
 
     def carried(self, f: np.ndarray) -> np.ndarray:
-        """(…, Q) forces of the points that stand behind forces (…, D + G): the mean of both sides where nodes match, else what
-        the first side's say, or both where nodes are paired, which is right wherever forces come from points."""
+        """(…, Q) forces of the points that stand behind forces (…, D + G): the mean of both sides
+        where nodes match, else what
+        the first side's say, or both where nodes are paired, which is right wherever forces come
+        from points."""
         return self._times(self.products.E, f)
 
     def opposed(self, q: np.ndarray) -> np.ndarray:
@@ -146,19 +167,27 @@ class Transfer:
         return -self._turned(self.B, q)
 
     def across(self, x: np.ndarray) -> np.ndarray:
-        """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero elsewhere."""
+        """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero
+        elsewhere.
+        """
         return np.where(self._met, x.take(self.partner[: self.size], axis=-1), 0.0)
 
     def mismatch(self, w: np.ndarray) -> np.ndarray:
-        """(…, D) what the sides of traces (…, D + G) are apart: at both nodes of a pair, or √2 times at a point's own."""
+        """(…, D) what the sides of traces (…, D + G) are apart: at both nodes of a pair, or √2
+        times at a point's own.
+        """
         apart = self.across(w) - w[..., : self.size]
-        points = self._turned(unit_rows(self.one.ravel(), self.total), np.where(self.at_pairs, 0.0, self.jump(w)))
+        points = self._turned(unit_rows(self.one.ravel(), self.total),
+                              np.where(self.at_pairs, 0.0, self.jump(w)))
         return np.where(self._met, apart, np.sqrt(2.0) * points[..., : self.size])
 
     def imbalance(self, f: np.ndarray) -> np.ndarray:
-        """(…, D) what the sides' forces (…, D + G) do not cancel: at both nodes of a pair, or √2 times on the second side."""
+        """(…, D) what the sides' forces (…, D + G) do not cancel: at both nodes of a pair, or √2
+        times on the second side.
+        """
         both = f[..., : self.size] + self.across(f)
-        return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
+        return np.where(self._met, both, np.sqrt(2.0)
+                        * (f - self.opposed(self.carried(f)))[..., : self.size])
 
     def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
         rows = x.reshape(x[..., 0].size if self.total else 0, self.total)
@@ -182,36 +211,46 @@ class Transfer:
         return self.products.G2 - self.products.G1
 
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
-        """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it where nodes match; zero elsewhere."""
+        """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it where nodes match;
+        zero elsewhere.
+        """
         partner, kept = self.partner[: self.size], sp.diags_array(self._met.astype(float))
         return kept @ matrix[partner][:, partner] @ kept
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-        """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of side 2 where nodes match.
+        """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of
+        side 2 where nodes match.
 
-        Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over from other nodes.
+        Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over
+        from other nodes.
         """
         return tuple(matrix[side][:, side] for side in (self.one, self.two))
 
     def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to a common factor where nodes
+        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to
+        a common factor where nodes
         do not match: there, moduli. n nodes on an area A have a sum of about E A/h, h² = A/n."""
         one, two = self.first(diagonal), self.second(diagonal)
         for index in np.flatnonzero(~self.matched):
             points = slice(self.bounds[index], self.bounds[index + 1])
-            one[points], two[points] = (diagonal[side].sum() / np.sqrt(max(len(side), 1)) for side in self.sides[index])
+            one[points], two[points] = (diagonal[side].sum() / np.sqrt(max(len(side), 1))
+                                        for side in self.sides[index])
         return one, two
 
     # ---- parts ---------------------------------------------------------------------------------
 
     @cached_property
     def exists(self) -> np.ndarray:
-        """Bool, shape Q: False where a component is prescribed, or a point has slid off, and nothing crosses."""
+        """Bool, shape Q: False where a component is prescribed, or a point has slid off, and
+        nothing crosses.
+        """
         return self.one >= 0
 
     @cached_property
     def mine(self) -> np.ndarray:
-        """Bool, shape Q: points whose first side is on this rank, which adds up what belongs to them."""
+        """Bool, shape Q: points whose first side is on this rank, which adds up what belongs to
+        them.
+        """
         return (self.one >= 0) & (self.one < self.size)
 
     @cached_property
@@ -243,5 +282,6 @@ class Transfer:
     def some(self, chosen: np.ndarray) -> Transfer:
         """Some of the points along the last axis, ascending."""
         number = np.arange(self.one.size).reshape(self.one.shape)[..., chosen]
-        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen], bounds=np.searchsorted(chosen, self.bounds),
+        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen],
+                       bounds=np.searchsorted(chosen, self.bounds),
                        products=self.products.rows(number))

@@ -1,17 +1,22 @@
-"""Guard on the black box's answers: what a symmetric, positive solver cannot answer is reported at once.
+"""Guard on the black box's answers: what a symmetric, positive solver cannot answer is reported at
+once.
 
 For boundary loads f and answers u = C f of one subdomain, C = N M⁻¹ Nᵀ = (S + k)⁻¹:
 
 - reciprocity (Betti): fᵀu' = f'ᵀu for two loads f, f' and their answers;
 - strain energy: fᵀu − uᵀk u = uᵀS u ≥ 0: what the soles do not store, the subdomain itself does.
 
-Traces w = N u and what the soles answer to them, k w, are formed on the way; ``answered`` hands them on.
+Traces w = N u and what the soles answer to them, k w, are formed on the way; ``answered`` hands
+them on.
 
-Matter of a code's own: what all else relies on is shown for each subdomain at set-up, since nothing is known of it beforehand.
+Matter of a code's own: what all else relies on is shown for each subdomain at set-up, since nothing
+is known of it beforehand.
 
-- K ≥ 0 on the body alone. With its soles it may be positive even where it is not, and then converge, to an answer whose
+- K ≥ 0 on the body alone. With its soles it may be positive even where it is not, and then
+converge, to an answer whose
   error no bound holds.
-- K is a sum over tets: its rows on supports and interfaces, which energies, bound and reactions use, are those of the tets
+- K is a sum over tets: its rows on supports and interfaces, which energies, bound and reactions
+use, are those of the tets
   there alone.
 
 Symmetry and rigid motions are tested where stiffness arrives, see ``blackbox.guard``.
@@ -39,13 +44,15 @@ from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.timing import Savings
 
-# Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
+# Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below
+# 1e-5.
 CONSISTENT = 1e-3
 DIGITLESS = np.finfo(float).tiny / np.finfo(float).eps  # below it numbers lose digits
 
 
 class GuardedTraces(BlackBox):
-    """A black box every answer of whose ``traces`` is judged, at the cost of products on boundary dofs.
+    """A black box every answer of whose ``traces`` is judged, at the cost of products on boundary
+    dofs.
 
     inner : where the answers come from
     direction : search direction
@@ -58,7 +65,8 @@ class GuardedTraces(BlackBox):
         self.solved = 0
         self.names, self.direction, self.parts = names, direction, direction.space.boundary
         self.all = ColumnSegments(self.parts)  # the boundary dofs of the subdomains
-        self.earlier = np.zeros((2, len(self.all.member)))  # a load of each subdomain and its answer
+        # a load of each subdomain and its answer
+        self.earlier = np.zeros((2, len(self.all.member)))
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
         self.own: dict[int, sp.csr_array] = {}
 
@@ -84,7 +92,8 @@ class GuardedTraces(BlackBox):
                 self.known[e] = self.known[judged[which]]
             elif f.size:
                 judged[which] = e
-                self._judge(f, u, times(self.own[e], u), ColumnSegments([slice(0, f.shape[1])]), [e], part)
+                self._judge(f, u, times(self.own[e], u), ColumnSegments([slice(0, f.shape[1])]),
+                            [e], part)
         return answers
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
@@ -92,7 +101,8 @@ class GuardedTraces(BlackBox):
         return self.answered(forces)[0]
 
     def answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Answers u (rows, B) of all subdomains to boundary forces (rows, B), with w = N u and k w, (rows, D) each.
+        """Answers u (rows, B) of all subdomains to boundary forces (rows, B), with w = N u and k w,
+        (rows, D) each.
 
         They are the caller's to change.
         """
@@ -101,17 +111,20 @@ class GuardedTraces(BlackBox):
         w = space.trace(answers)
         kw = self.direction.times(w)
         if len(forces):
-            self._judge(forces, answers, space.loads(kw), self.all, self.all.subdomains, slice(None))
+            self._judge(forces, answers, space.loads(kw), self.all, self.all.subdomains,
+                        slice(None))
         return answers, w, kw
 
-    def _judge(self, f: np.ndarray, u: np.ndarray, ku: np.ndarray, of: ColumnSegments, subdomains: Sequence[int], part: slice) -> None:
+    def _judge(self, f: np.ndarray, u: np.ndarray, ku: np.ndarray, of: ColumnSegments,
+               subdomains: Sequence[int], part: slice) -> None:
         """Loads, answers and what the soles answer to these, (rows, columns) each.
 
         of : whose the columns are, one after the other
         subdomains : which these are
         part : the boundary dofs that the columns are
         """
-        # per unit of the load: products of small ones would underflow, and denormal numbers have no digits to compare
+        # per unit of the load: products of small ones would underflow, and denormal numbers have no
+        # digits to compare
         unit = of.largest(f)
         sound = (unit > DIGITLESS) & (of.largest(u) > DIGITLESS)
         if not sound.any():
@@ -123,14 +136,16 @@ class GuardedTraces(BlackBox):
         wrong = sound & (least < -CONSISTENT * size)
         if wrong.any():
             t, e = np.argwhere(wrong)[0]
-            raise BlackBoxError(f"guard: a negative strain energy: {least[t, e]:.1e} where a load of at most 1 on a node does "
-                                f"work of up to {size[t, e]:.1e}", self.names[subdomains[e]])
+            raise BlackBoxError(
+                f"guard: a negative strain energy: {least[t, e]:.1e} where a load of at most 1 on "
+                f"a node does work of up to {size[t, e]:.1e}", self.names[subdomains[e]])
         first, last = sound.argmax(axis=0), len(sound) - 1 - sound[::-1].argmax(axis=0)
         any_sound, known = sound.any(axis=0), of.spread(self.known[subdomains])
         new_f, new_u = of.rows(f, last), of.rows(u, last)
         old_f, old_u = self.earlier[:, part]
         if not known.all():
-            old_f, old_u = np.where(known, old_f, of.rows(f, first)), np.where(known, old_u, of.rows(u, first))
+            old_f, old_u = np.where(known, old_f,
+                                    of.rows(f, first)), np.where(known, old_u, of.rows(u, first))
 
         one, other = of.sums(old_f * new_u), of.sums(new_f * old_u)
         # loads of other symmetry do no work on each other: the sums are mere rounding then
@@ -139,40 +154,49 @@ class GuardedTraces(BlackBox):
         wrong = any_sound & (np.abs(one - other) > CONSISTENT * exchanged)
         if wrong.any():
             e = int(np.argmax(wrong))
-            raise BlackBoxError(f"guard: answers to two loads that are not reciprocal: {one[e]:.4g} and {other[e]:.4g} for loads "
-                                "of at most 1 on a node", self.names[subdomains[e]])
+            raise BlackBoxError(
+                f"guard: answers to two loads that are not reciprocal: {one[e]:.4g} and "
+                f"{other[e]:.4g} for loads of at most 1 on a node", self.names[subdomains[e]])
         for old, new in zip(self.earlier[:, part], (new_f, new_u)):
             np.copyto(old, new, where=of.spread(any_sound))
         self.known[subdomains] |= any_sound
 
 
-# Relative: below any mode that a slender body has, above what assembling leaves. Missing digits show in rigid motions, and
+# Relative: below any mode that a slender body has, above what assembling leaves. Missing digits
+# show in rigid motions, and
 # may make an eigenvalue negative by some of what they cost.
 ROUNDING, DIGITS = 1e-12, 10.0
 LOCAL = 1e-8  # of a row's diagonal entry: what two assemblies of the same tets may differ by
 
 
-def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, share: bool, savings: Savings) -> dict[int, sp.csr_array]:
-    """Index in ``own`` → stiffness of the body, for this rank's subdomains whose matter is their code's own; others as for
+def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, share: bool,
+                  savings: Savings) -> dict[int, sp.csr_array]:
+    """Index in ``own`` → stiffness of the body, for this rank's subdomains whose matter is their
+    code's own; others as for
     ``assembled``. Parts whose mesh is not ours have been judged when they were read."""
     chosen = [e for e, s in enumerate(own) if not s.foreign and blackbox.traits(s.code).own_matter]
-    return dict(zip(chosen, assembled([body_model(scene, own[e]) for e in chosen], blackbox, share, savings)))
+    return dict(
+        zip(chosen,
+            assembled([body_model(scene, own[e]) for e in chosen], blackbox, share, savings)))
 
 
-def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, sp.csr_array], rims: Sequence[RimStiffness],
+def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, sp.csr_array],
+                     rims: Sequence[RimStiffness],
                      traces: Sequence[np.ndarray]) -> None:
     """Judge the stiffness of bodies whose matter is their code's own.
 
     own : this rank's subdomains, with their rims
     found : of ``own_stiffness``
-    traces : per subdomain (t,) boundary dofs whose rows are complete in its rim; those of prescribed dofs always are
+    traces : per subdomain (t,) boundary dofs whose rows are complete in its rim; those of
+        prescribed dofs always are
     Raises BlackBoxError: a stiffness that is not ≥ 0, or none that is a sum over tets
     """
     seen: set[int] = set()
     for e, one in found.items():
         rows = np.union1d(np.flatnonzero(own[e].fixed), traces[e])
         points = scene.mesh.nodes[own[e].nodes]
-        if wrong := _not_local(one, rims[e], rows, points) or (id(one) not in seen and _not_positive(one, points)):
+        if wrong := _not_local(one, rims[e], rows,
+                               points) or (id(one) not in seen and _not_positive(one, points)):
             raise BlackBoxError(f"guard: {wrong}", own[e].name)
         seen.add(id(one))
 
@@ -185,9 +209,11 @@ def _not_positive(K: sp.csr_array, points: np.ndarray) -> str:
     if is_semidefinite(K, ROUNDING + DIGITS * peak(cost)):
         return ""
     value, node = _least(K)
-    return (f"a stiffness that is not positive: displacements near {format_point(points[node])} give energy away (least eigenvalue "
-            f"{value:.3g}, largest diagonal entry {K.diagonal().max():.3g}); no error bound holds there. Look for a modulus "
-            "or a shear modulus below zero, a Poisson's ratio out of range, a pre-stress")
+    return (
+        f"a stiffness that is not positive: displacements near {format_point(points[node])} give "
+        f"energy away (least eigenvalue {value:.3g}, largest diagonal entry "
+        f"{K.diagonal().max():.3g}); no error bound holds there. Look for a modulus or a shear "
+        "modulus below zero, a Poisson's ratio out of range, a pre-stress")
 
 
 def _least(K: sp.csr_array) -> tuple[float, int]:
@@ -204,18 +230,23 @@ def _least(K: sp.csr_array) -> tuple[float, int]:
 
 
 def _not_local(K: sp.csr_array, rim: RimStiffness, rows: np.ndarray, points: np.ndarray) -> str:
-    """How rows of a body's stiffness differ from those of its rim, in words; empty where they do not."""
+    """How rows of a body's stiffness differ from those of its rim, in words; empty where they do
+    not.
+    """
     if not len(rows):
         return ""
     place = np.zeros(K.shape[0], dtype=int)
     place[rim.dofs] = np.arange(len(rim.dofs))
     part = sp.coo_array(rim.stiffness[place[rows]])
     same = sp.csr_array((part.data, (part.row, rim.dofs[part.col])), shape=(len(rows), K.shape[0]))
-    apart = np.abs(K[rows] - same).max(axis=1).toarray().ravel() / np.maximum(np.abs(K.diagonal()[rows]), np.finfo(float).tiny)
+    apart = np.abs(K[rows] - same).max(axis=1).toarray().ravel() / np.maximum(
+        np.abs(K.diagonal()[rows]), np.finfo(float).tiny)
     worst = int(np.argmax(apart))
     if apart[worst] <= LOCAL:
         return ""
-    return (f"a stiffness that is no sum over tets: near {format_point(points[rows[worst] // 3])} it is another one, by "
-            f"{apart[worst]:.1e}, where the tets there are asked for alone; what it is made of has to be known of each tet by itself "
-            "(not the mesh's size, its volume, its name, or averages over neighbours). Or it varies from place to place and says that it "
-            "does not: leave uniform: true out, or translation_invariant = True in the solver's class")
+    return (
+        f"a stiffness that is no sum over tets: near {format_point(points[rows[worst] // 3])} it "
+        f"is another one, by {apart[worst]:.1e}, where the tets there are asked for alone; what it "
+        "is made of has to be known of each tet by itself (not the mesh's size, its volume, its "
+        "name, or averages over neighbours). Or it varies from place to place and says that it "
+        "does not: leave uniform: true out, or translation_invariant = True in the solver's class")

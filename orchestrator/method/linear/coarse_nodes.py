@@ -2,9 +2,9 @@
 
 Nodes that the same subdomains share are a class: a face, an edge, a vertex. *Maximal* classes,
 whose subdomains are not all among those of another, are the coarse nodes: at cubes the vertices, at
-slices the faces. A class moves with the coarse nodes whose subdomains include all of its own, each with a
-share that falls with the distance; shares add up to one, so that every rigid motion of all is among
-the fields, and each field is one and the same on all sides:
+slices the faces. A class moves with the coarse nodes whose subdomains include all of its own, each
+with a share that falls with the distance; shares add up to one, so that every rigid motion of all
+is among the fields, and each field is one and the same on all sides:
 
     Φ = share × motion about the coarse node,   share = (1/distance) / Σ (1/distance)
 
@@ -28,7 +28,8 @@ from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.model import Scene
 
 # Size of the grid's cells over a subdomain's. Iterations, back-substitutions at set-up, in all; 64
-# METIS parts, 206,763 dofs: nothing merged 25, 55, 100; .5 27, 39, 89; .7 29, 32, 80; .9 30, 25, 75.
+# METIS parts, 206,763 dofs: nothing merged 25, 55, 100; .5 27, 39, 89; .7 29, 32, 80; .9 30, 25,
+# 75.
 MERGED = 0.9
 NEAR = 1e-6  # of a subdomain's size: what is nearer is as near
 

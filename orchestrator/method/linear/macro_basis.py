@@ -31,14 +31,16 @@ def interface_basis(points: np.ndarray, free: np.ndarray, kind: str) -> np.ndarr
     kind : ``translations`` (3 fields), ``rigid`` (6), ``affine`` (12: rotations, extensions and
         shears included; 9 remain on a plane) or ``quadratic`` (30; 18 on a plane)
 
-    (d, m) float, d free dofs, m ≤ number of fields: what is dependent has been dropped. But for rigid motions each
-    column moves one component alone: products with the basis read a third of what they would otherwise
+    (d, m) float, d free dofs, m ≤ number of fields: what is dependent has been dropped. But for
+    rigid motions each column moves one component alone: products with the basis read a third of
+    what they would otherwise
     """
     if kind == "rigid":
         return independent(macro_fields(points, kind)[free])
     fields = np.stack(monomials(points, kind), axis=-1)
     same = (free == free[:, :1]).all()
-    parts = [independent(fields[of_one]) for of_one in free.T[: 1 if same else 3]] * (3 if same else 1)
+    parts = [independent(fields[of_one]) for of_one in free.T[: 1 if same else 3]] * (
+        3 if same else 1)
     row, at = np.cumsum(free).reshape(free.shape) - 1, 0
     basis = np.zeros((free.sum(), sum(part.shape[1] for part in parts)))
     for component, part in enumerate(parts):
@@ -80,12 +82,15 @@ def independent(basis: np.ndarray) -> np.ndarray:
     return left[:, singular > DROP * singular[0]]
 
 
-def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free: np.ndarray, kind: str) -> np.ndarray:
-    """Orthonormal macro basis of an interface whose nodes do not match: both sides together, without any jump.
+def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free: np.ndarray,
+                    kind: str) -> np.ndarray:
+    """Orthonormal macro basis of an interface whose nodes do not match: both sides together,
+    without any jump.
 
-    The fields are those of ``interface_basis`` on the master and on slave nodes that are no points; points follow, so that
-    G₁ W₁ = G₂ W₂ also beside what is prescribed. Fields that are cut there on each side by themselves open the interface
-    a little, and the iterations never get beyond that.
+    The fields are those of ``interface_basis`` on the master and on slave nodes that are no points;
+    points follow, so that G₁ W₁ = G₂ W₂ also beside what is prescribed. Fields that are cut there
+    on each side by themselves open the interface a little, and the iterations never get beyond
+    that.
 
     points : (n₁, 3), (n₂, 3) nodes of either side; free : (n₁, 3) bool, of the slave
     kind : as there
@@ -105,15 +110,18 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     return independent(fields)
 
 
-def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence[bool], share: bool) -> list[np.ndarray]:
-    """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of other ranks alone (0, 0).
+def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence[bool],
+                    share: bool) -> list[np.ndarray]:
+    """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of
+    other ranks alone (0, 0).
 
     share : interfaces equal up to a translation share theirs
     """
     points = [scene.points(i) for i in scene.interfaces]
     alike: list[object] = list(range(len(points)))
     if share:
-        alike = [i.index if i.mortar is not None else (bool(taken), i.free.tobytes()) for i, taken in zip(scene.interfaces, wanted)]
+        alike = [i.index if i.mortar is not None else (bool(taken), i.free.tobytes())
+                 for i, taken in zip(scene.interfaces, wanted)]
     first = first_congruent(alike, points) if share else alike
     bases: list[np.ndarray] = []
     for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
@@ -126,19 +134,24 @@ def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence
                 basis = interface_basis(points[index], interface.free, kind)
             else:
                 free = ~scene.subdomains[interface.subdomains[0]].fixed[interface.nodes[0]]
-                basis = jump_free_basis(interface.mortar, tuple(scene.side_points(interface, side) for side in (0, 1)), free, kind)
+                basis = jump_free_basis(interface.mortar,
+                                        tuple(scene.side_points(interface, side)
+                                              for side in (0, 1)), free, kind)
             bases.append(basis if taken else basis[:, :0])
     return as_given(space, bases)
 
 
 def as_given(space: TraceSpace, bases: list[np.ndarray]) -> list[np.ndarray]:
-    """The same; between ranks, the rank of the first side has made the basis and gives it to the other.
+    """The same; between ranks, the rank of the first side has made the basis and gives it to the
+    other.
 
-    Made on both, it would be the same up to rounding only, and some of its columns up to a rotation.
+    Made on both, it would be the same up to rounding only, and some of its columns up to a
+    rotation.
     """
     if space.team.size == 1:
         return bases
-    given = {index: bases[index] for index, (_, two) in enumerate(space.sides) if len(two) and two[0] >= space.size}
+    given = {index: bases[index] for index, (_, two) in enumerate(space.sides) if len(two)
+             and two[0] >= space.size}
     result = list(bases)
     for gift in space.team.all_gather(given):
         for index, basis in gift.items():

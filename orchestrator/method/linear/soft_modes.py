@@ -1,18 +1,20 @@
-"""Soft modes: displacements of a subdomain's boundary that its soles hold, but hardly the subdomain itself.
+"""Soft modes: displacements of a subdomain's boundary that its soles hold, but hardly the subdomain
+itself.
 
-With S the subdomain's Schur complement and k the soles' stiffness on all its interfaces, one stage damps
-an error of the shape x, S x = σ k x, by (1 − σ)/(1 + σ): not at all where σ is small. The macro
-problem has to carry these shapes. Affine fields hold them in compact subdomains of one matter; otherwise
-they are computed, and each interface takes its part of the modes of both its sides. The black
-box never shows S, but applies C = N M⁻¹ Nᵀ = (S + k)⁻¹:
+With S the subdomain's Schur complement and k the soles' stiffness on all its interfaces, one stage
+damps an error of the shape x, S x = σ k x, by (1 − σ)/(1 + σ): not at all where σ is small. The
+macro problem has to carry these shapes. Affine fields hold them in compact subdomains of one
+matter; otherwise they are computed, and each interface takes its part of the modes of both its
+sides. The black box never shows S, but applies C = N M⁻¹ Nᵀ = (S + k)⁻¹:
 
     C k x = λ x,   λ = 1 / (1 + σ)  near 1
 
-by the block Lanczos method in the inner product of k, all subdomains side by side. Those whose soles and answers are the same
-share one space for as long as they are.
+by the block Lanczos method in the inner product of k, all subdomains side by side. Those whose
+soles and answers are the same share one space for as long as they are.
 
-References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 126 (2014) and Haferssas, Jolivet
-& Nataf, SIAM J. Sci. Comput. 39 (2017), whose coarse spaces for Robin conditions these are.
+References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 126 (2014) and
+Haferssas, Jolivet & Nataf, SIAM J. Sci. Comput. 39 (2017), whose coarse spaces for Robin conditions
+these are.
 """
 
 from __future__ import annotations
@@ -33,12 +35,14 @@ from orchestrator.method.interface.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
-INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is worth a macro function
+# share of a mode on one interface, in energy norm, that is worth a macro function
+INDEPENDENT = 1e-2
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which modes of a subdomain: those softer than SOFT, and how well. By default what the macro problem wants: they only have to be
+    """Which modes of a subdomain: those softer than SOFT, and how well. By default what the macro
+    problem wants: they only have to be
     caught, not known.
 
     least : as many at least
@@ -72,17 +76,21 @@ class _Krylov:
 
     def advance(self, image: np.ndarray) -> None:
         """Take in C k Q of the block; finish, or make the next one of what is new in it."""
-        self.basis, self.images = np.hstack([self.basis, self.block]), np.hstack([self.images, image])
+        self.basis, self.images = np.hstack([self.basis, self.block]), np.hstack(
+            [self.images, image])
         columns = self.basis.T @ (self.k @ image)
         old = len(self.projected)
-        self.projected = np.block([[self.projected, columns[:old]], [columns[:old].T, columns[old:]]])
+        self.projected = np.block([[self.projected, columns[:old]],
+                                   [columns[:old].T, columns[old:]]])
         value, vector = np.linalg.eigh((self.projected + self.projected.T) / 2)
         soft = min(max(int(np.sum(value > 1 / (1 + SOFT))), self.wanted.least), len(value))
-        watched = slice(-1, -soft - 2, -1)  # the first one that is not soft as well: none has been missed
+        # the first one that is not soft as well: none has been missed
+        watched = slice(-1, -soft - 2, -1)
         left = self.images @ vector[:, watched] - self.basis @ (vector[:, watched] * value[watched])
         settled = np.all(_energy(self.k, left) <= self.wanted.accurate**2)
         self.block = _orthonormal(self.k, image, self.basis)
-        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > self.wanted.largest:
+        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[
+            1] > self.wanted.largest:
             self.modes = self.basis @ vector[:, watched][:, :soft]
 
 
@@ -99,17 +107,21 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox, chosen: np.ndarra
     Raises BlackBoxError: from the code
     """
     space, spent, done = direction.space, 0, {}
-    own = [e for e, part in enumerate(space.boundary) if chosen[space.subdomains[e]] and part.stop > part.start]
+    own = [e for e, part in enumerate(space.boundary) if chosen[space.subdomains[e]]
+           and part.stop > part.start]
     alike: dict[bytes, tuple[list[int], _Krylov]] = {}  # members, and the one space of all of them
     for e, k in zip(own, direction.robin_blocks(own)):
         key = digest(k.indptr, k.indices, k.data)
         if key not in alike:
             size = k.shape[0]
-            alike[key] = [], _Krylov(k, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), wanted)
+            alike[key] = [], _Krylov(k,
+                                     np.random.default_rng(0).standard_normal(
+                                         (size, min(BLOCK, size))), wanted)
         alike[key][0].append(e)
     under_way = list(alike.values())
     while under_way:
-        requests = {e: forces for members, krylov in under_way for forces in (krylov.forces,) for e in members}
+        requests = {e: forces for members, krylov in under_way for forces in (krylov.forces,)
+                    for e in members}
         spent += sum(len(r) for r in requests.values())
         answers, left = blackbox.traces(requests), []
         for members, krylov in under_way:
@@ -126,7 +138,9 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox, chosen: np.ndarra
 
 
 def _by_answer(members: list[int], answers: Mapping[int, np.ndarray]) -> list[list[int]]:
-    """Subdomains that have been given one and the same array for an answer, together: the black box knows them to be alike."""
+    """Subdomains that have been given one and the same array for an answer, together: the black box
+    knows them to be alike.
+    """
     same: dict[int, list[int]] = {}
     for e in members:
         same.setdefault(id(answers[e]), []).append(e)
@@ -140,10 +154,12 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     k : (D + G, D + G) search direction, ghosts included
     bases : per interface (d, m), as without modes
 
-    Between ranks, the rank of the first side makes the basis and gives it to the other, see ``as_given``.
+    Between ranks, the rank of the first side makes the basis and gives it to the other, see
+    ``as_given``.
     """
     team, counts = space.team, np.zeros(space.link.subdomain_count)
-    counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
+    counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0
+                                for e in range(len(space.boundary))]
     counts = team.sum(counts)[0].astype(int)
     if not counts.any():
         return bases
@@ -164,19 +180,24 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     return as_given(space, result)
 
 
-def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.ndarray, widths: Sequence[int],
-                  held: np.ndarray, basis: np.ndarray) -> tuple[sp.csr_array, np.ndarray, list[np.ndarray]]:
-    """Search direction of both sides of an interface whose nodes do not match, and the modes of either side on it: what is
+def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.ndarray,
+                  widths: Sequence[int],
+                  held: np.ndarray,
+                  basis: np.ndarray) -> tuple[sp.csr_array, np.ndarray, list[np.ndarray]]:
+    """Search direction of both sides of an interface whose nodes do not match, and the modes of
+    either side on it: what is
     nearest to them, and to nothing on the other side, without a jump.
 
-    traces : (modes, D + G) of all subdomains; widths : how many either side's has; held : (D + G,) bool
+    traces : (modes, D + G) of all subdomains; widths : how many either side's has; held : (D + G,)
+        bool
     basis : handed on
     """
     transfer, sides = space.transfer, space.sides[index]
     dofs = np.concatenate(sides)
     points = slice(transfer.bounds[index], transfer.bounds[index + 1])
     own, across = k[dofs][:, dofs], transfer.B[points][:, dofs]
-    across = across[abs(across) @ (~held[dofs]) > 0]  # points that have slid off the other side keep nothing together
+    # points that have slid off the other side keep nothing together
+    across = across[abs(across) @ (~held[dofs]) > 0]
     nearest, parts = Nearest(own, across, held[dofs]), []
     for side, n in zip(sides, widths):
         if n:
@@ -208,7 +229,9 @@ def _energy(k: sp.csr_array, x: np.ndarray) -> np.ndarray:
 
 
 def _orthonormal(k: sp.csr_array, x: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Columns of x made k-orthonormal to a k-orthonormal basis and to each other; dependent ones are dropped."""
+    """Columns of x made k-orthonormal to a k-orthonormal basis and to each other; dependent ones
+    are dropped.
+    """
     scale = _energy(k, x)
     x = x[:, scale > 0] / np.sqrt(scale[scale > 0])
     for _ in range(2):

@@ -1,4 +1,5 @@
-"""Linear stage: from the state s to admissible traces (paper, eq. 20; with macro continuity, eq. 38).
+"""Linear stage: from the state s to admissible traces (paper, eq. 20; with macro continuity,
+eq. 38).
 
 In displacement form all load steps are independent, rows of one batch:
 
@@ -9,19 +10,20 @@ In displacement form all load steps are independent, rows of one batch:
 s = f̂ + k ŵ is all that the linear stage needs of the local one. The map s ↦ (u, α, f) is affine,
 so that affine combinations of its results are its results for the combined states.
 
-Linear stage, macro problem and coarse contact problem are set up once, with the elastic M. Where matter is nonlinear, what a
-subdomain truly does under the same forces is asked of its code at every stage, one load step at a time,
+Linear stage, macro problem and coarse contact problem are set up once, with the elastic M. Where
+matter is nonlinear, what a subdomain truly does under the same forces is asked of its code at every
+stage, one load step at a time,
 
     u = advance(f_ext + Nᵀs),      δ = u − M⁻¹(f_d + Nᵀs)
 
-and δ is added to what the stage finds: the elastic problems then extrapolate from the true answer. At the fixed point they
-correct nothing (α = 0, y = 0), so that what is found is the true answer's. At the end of a load step it is committed, with the
-forces that it ended with. Its pseudo-loads
+and δ is added to what the stage finds: the elastic problems then extrapolate from the true answer.
+At the fixed point they correct nothing (α = 0, y = 0), so that what is found is the true answer's.
+At the end of a load step it is committed, with the forces that it ended with. Its pseudo-loads
 
     p = K u − r(u)      (on all dofs; r: the forces that u needs; zero where matter and soles are elastic)
 
-make the elastic problem answer u: M u_free = f_d + Nᵀs + p. As loads of the scene they serve all that is delivered:
-fields, reactions, balance.
+make the elastic problem answer u: M u_free = f_d + Nᵀs + p. As loads of the scene they serve all
+that is delivered: fields, reactions, balance.
 """
 
 from __future__ import annotations
@@ -51,11 +53,13 @@ class Admissible:
     w: np.ndarray  # (T, D) traces of displacement and interface forces
     f: np.ndarray
     space: TraceSpace  # numbering
-    # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those of the load step before
+    # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those
+    # of the load step before
     anchor: np.ndarray | None = field(default=None, init=False, repr=False)
 
     @classmethod
-    def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
+    def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray,
+                    f: np.ndarray,
                     space: TraceSpace, anchor: np.ndarray | None = None) -> Admissible:
         """From traces (T, D + G) whose ghosts are known already."""
         fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
@@ -64,7 +68,9 @@ class Admissible:
 
     @cached_property
     def extended(self) -> tuple[np.ndarray, np.ndarray]:
-        """w and f with the neighbours' values behind, (T, D + G) each: they travel once, whoever asks."""
+        """w and f with the neighbours' values behind, (T, D + G) each: they travel once, whoever
+        asks.
+        """
         return self.space.extended(self.w, self.f)
 
     @property
@@ -99,10 +105,12 @@ class LinearStage:
 
     def under(self, loading: Loading, nonlinear: Callable | None = None) -> LinearStage:
         """The same for other load steps."""
-        return LinearStage(self.space, self.direction, self.macro, loading, self.blackbox, nonlinear)
+        return LinearStage(self.space, self.direction, self.macro, loading, self.blackbox,
+                           nonlinear)
 
     def __call__(self, s: np.ndarray) -> Admissible:
-        """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
+        """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and
+        row.
 
         A zero state needs none: the loads' part is known.
         """
@@ -118,7 +126,9 @@ class LinearStage:
         return self.complete(s, u - self.macro.displacement(alpha), alpha)
 
     def ended(self, fields: Admissible) -> Admissible:
-        """The fields that end a load step, asked for and committed where matter is nonlinear, under the forces of these."""
+        """The fields that end a load step, asked for and committed where matter is nonlinear, under
+        the forces of these.
+        """
         if self.nonlinear is None:
             return fields
         u = fields.u.copy()
@@ -126,7 +136,9 @@ class LinearStage:
         return self.complete(fields.s, u, fields.alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
+        """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11,
+        which makes eq. 14.
+        """
         w = self.trace(u)
         f = self.robin_force(s, alpha) - self.direction.times(w)
         return Admissible(s, u, alpha, w, f, self.space)
@@ -140,11 +152,15 @@ class LinearStage:
         return self.robin_force(fields.s, fields.alpha)
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-        """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""
+        """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity:
+        eq. 37).
+        """
         return s if self.macro is None else s - self.macro.force(alpha)
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""
+        """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary
+        dofs.
+        """
         return self.blackbox.all_traces(forces, self.space.boundary)
 
 
@@ -157,28 +173,32 @@ class Nonlinear:
     reload : the loading, from the subdomains' loads as they are
     """
 
-    def __init__(self, blackbox: BlackBox, space: TraceSpace, own: Sequence[Subdomain], traces: Sequence[np.ndarray],
+    def __init__(self, blackbox: BlackBox, space: TraceSpace, own: Sequence[Subdomain],
+                 traces: Sequence[np.ndarray],
                  dofs: Sequence[int], reload: Callable[[], Loading]):
         self.blackbox, self.space, self.own, self.traces, self.dofs, self.reload = blackbox, space, own, traces, dofs, reload
         self.members = [e for e, s in enumerate(own) if s.remembers]
         self.external = {e: own[e].loads.copy() for e in self.members}  # without pseudo-loads
 
     def put(self, step: int, u: np.ndarray, robin: np.ndarray, commit: bool = False) -> None:
-        """Put true answers at a load step into boundary displacements (1, B), given the boundary forces (1, B) behind them.
+        """Put true answers at a load step into boundary displacements (1, B), given the boundary
+        forces (1, B) behind them.
 
         commit : the step ends with them, and pseudo-loads are added to the subdomains' loads
         """
         given = {}
         for e in self.members:
             s, forces = self.own[e], np.zeros(self.dofs[e])
-            forces[: 3 * len(s.nodes)] = np.where(s.fixed, s.prescribed[step], self.external[e][step]).ravel()
+            forces[: 3 * len(s.nodes)] = np.where(s.fixed, s.prescribed[step],
+                                                  self.external[e][step]).ravel()
             forces[self.traces[e]] += robin[0, self.space.boundary[e]]
             given[e] = forces
         for e, answer in self.blackbox.advance(given, commit).items():
             u[0, self.space.boundary[e]] = answer[0, self.traces[e]]
             if commit:
                 s = self.own[e]
-                s.loads[step] = self.external[e][step] + answer[1, : s.loads[step].size].reshape(-1, 3)
+                s.loads[step] = self.external[e][step] + answer[1, : s.loads[step].size].reshape(
+                    -1, 3)
 
     def foresee(self, step: int) -> None:
         """Give a load step the pseudo-loads of the one before: what has flown stays."""

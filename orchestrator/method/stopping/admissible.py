@@ -30,22 +30,27 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.numbering import runs
 from orchestrator.scene.conditions.rigid import RIGID
 
-# Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
-# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
+# Resultants above this fraction of the forces need the coarse balance: those forces are as small as
+# the error, so that
+# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants
+# change 1e-5 of it at most.
 UNBALANCED = 1e-7
 BALANCED = 1e-6  # of the resultants, what may be left after it
-UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
+# spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
+UNEVEN = 100.0
 TINY = np.finfo(float).tiny
 
 
 class RigidModes:
-    """Rigid motions that supports leave, of the subdomains that a rank sees: its own, and those that meet them.
+    """Rigid motions that supports leave, of the subdomains that a rank sees: its own, and those
+    that meet them.
 
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
     number : (modes,) int, ascending, which of the modes of all ranks these are
     fields : ``modes``
-    dense : (6, B) on the boundary dofs, a row for the first of every subdomain, zero where it has fewer
+    dense : (6, B) on the boundary dofs, a row for the first of every subdomain, zero where it has
+        fewer
     own : int, the modes of this rank's subdomains
     """
 
@@ -58,11 +63,14 @@ class RigidModes:
         self._seen = np.union1d(space.subdomains, space.owner).astype(int)
         self._starts = bounds_of(counts[self._seen])
         self.number = runs((np.cumsum(counts) - counts)[self._seen], counts[self._seen])
-        self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
+        self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains),
+                                            counts[self._seen]))
         self._of = ColumnSegments(space.boundary)
-        at = np.searchsorted(self._seen, np.asarray(space.subdomains, dtype=int)[self._of.subdomains])
+        at = np.searchsorted(self._seen,
+                             np.asarray(space.subdomains, dtype=int)[self._of.subdomains])
         there = np.arange(RIGID) < counts[self._seen[at], None]
-        self._at = np.where(there, self._starts[at, None] + np.arange(RIGID), -1).T  # (6, subdomains): −1 where there is none
+        # (6, subdomains): −1 where there is none
+        self._at = np.where(there, self._starts[at, None] + np.arange(RIGID), -1).T
 
     @property
     def traces(self) -> sp.csr_array:
@@ -70,9 +78,11 @@ class RigidModes:
         traces = self._space.everywhere(self.dense)
         rows = np.ascontiguousarray(traces.T)
         there = rows != 0
-        columns = (self._starts[np.searchsorted(self._seen, self._space.owner)][:, None] + np.arange(RIGID))[there]
+        columns = (self._starts[np.searchsorted(self._seen, self._space.owner)][:, None]
+                   + np.arange(RIGID))[there]
         ends = bounds_of(there.sum(axis=1))
-        return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
+        return narrow(sp.csr_array((rows[there], columns, ends),
+                                   shape=(len(rows), self._starts[-1])))
 
     def moved(self, c: np.ndarray) -> np.ndarray:
         """(T, B) R c of motions (T, modes)."""
@@ -88,7 +98,8 @@ class RigidModes:
 
 
 class AtPoints:
-    """Both sides' k⁻ at the points, (Q, Q) symmetric: its products are those of k⁻ itself, and no matrix is kept.
+    """Both sides' k⁻ at the points, (Q, Q) symmetric: its products are those of k⁻ itself, and no
+    matrix is kept.
 
     direction : search direction
     root : (Q,) by which it is scaled from either side
@@ -122,7 +133,8 @@ class Repositioning:
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: AtPoints):
         self.space, self.modes, self.weight = space, modes, weight
         jumps, mine = space.transfer.B @ modes.traces, space.transfer.mine
-        forces = (weight.matrix() @ jumps)[mine]  # what is summed over the points is their first side's
+        # what is summed over the points is their first side's
+        forces = (weight.matrix() @ jumps)[mine]
         self._solve = semidefinite(jumps[mine].T @ forces, modes.number, space.team)
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
@@ -147,7 +159,8 @@ class Balancing:
     weight : (B,) stiffness of the boundary dofs
     modes : rigid motions of all subdomains
     share : (Q,) what the first side takes of a force imbalance
-    soles : k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
+    soles : k of the exchange: soles are made for the stiffer side, what both can exchange is set by
+        the softer one
     reposition : the best motions beside it
     """
 
@@ -157,14 +170,15 @@ class Balancing:
         trace_weight = self.space.everywhere(weight[None])
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
-        self.soles = AtPoints(direction, np.sqrt(np.minimum(one, two) / np.maximum(one + two, TINY)))
+        self.soles = AtPoints(direction,
+                              np.sqrt(np.minimum(one, two) / np.maximum(one + two, TINY)))
         self.reposition = Repositioning(self.space, modes, self.soles)
 
     def _share(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
         """(Q,) the first side's, from the stiffnesses (Q,) of both.
 
-        The stiffer side takes the larger share: it costs less energy there. One share per interface keeps the
-        resultants balanced; where stiff and soft nodes are mixed, each node has its own.
+        The stiffer side takes the larger share: it costs less energy there. One share per interface
+        keeps the resultants balanced; where stiff and soft nodes are mixed, each node has its own.
         """
         bounds = self.space.transfer.bounds
         filled = np.flatnonzero(np.diff(bounds))
@@ -173,13 +187,18 @@ class Balancing:
             ratio = one / np.maximum(two, TINY)
         if len(filled):
             even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
-            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side) for side in (one, two))
+            one, two = (np.where(np.repeat(even, counts),
+                                 np.repeat(np.add.reduceat(side, starts), counts), side)
+                        for side in (one, two))
         return one / np.maximum(one + two, TINY)
 
     def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:
-        """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no floating subdomain."""
+        """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no
+        floating subdomain.
+        """
         team, change = self.space.team, self._changed(f, w)
-        resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), ColumnSegments(self.space.boundary)
+        resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(
+            np.abs(change)), ColumnSegments(self.space.boundary)
         scale = max(peak(of.sums(np.abs(one) * sizes)) for one in self.modes.dense)
         pushed, size = team.max(peak(resultant), scale)
         if pushed <= UNBALANCED * max(size, TINY):

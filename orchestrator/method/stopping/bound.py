@@ -4,15 +4,17 @@ Two fields are made from one linear stage, per load step, from interface data al
 
 - u_D, kinematically admissible: after one coarse rigid repositioning c = argmin ‖B N(u + R c)‖_k of
   the subdomains, the sides of every interface are replaced by their stiffness-weighted mean;
-- û, statically admissible: every subdomain is in equilibrium with balanced interface forces f̃ = f + δf, see ``admissible``.
+- û, statically admissible: every subdomain is in equilibrium with balanced interface forces f̃ = f
++ δf, see ``admissible``.
 
 Both errors then are the legs of a right-angled triangle,
 
     ‖u_D − u_exact‖²_K + ‖û − u_exact‖²_K = ‖u_D − û‖²_K = a² + b² − 2 δᵀNᵀδf
 
 with a = ‖u_D − u₂‖_K (δ on the boundary, zero inside), b = ‖K⁺Nᵀδf‖_K. Both a and the
-cross term are sparse products; b² = hᵀS⁺h, h = Nᵀδf, takes a few back-substitutions (``dual_energy``). The run ends on a b² that is
-known from above: what the conjugate gradients seem to leave may be less than soft fields of a body, or of a matter in it, still add.
+cross term are sparse products; b² = hᵀS⁺h, h = Nᵀδf, takes a few back-substitutions
+(``dual_energy``). The run ends on a b² that is known from above: what the conjugate gradients seem
+to leave may be less than soft fields of a body, or of a matter in it, still add.
 """
 
 from __future__ import annotations
@@ -46,8 +48,10 @@ class Bound:
     energy : (T,) ‖u_D‖²_K
     repositioned : (T, modes) rigid motions c of the floating subdomains
     correction : (T, B) δ, what brings u + R c to u_D on the boundary dofs
-    sweeps : back-substitutions spent per subdomain and load step, those for the softness with the first that needs it
-    least : of a bound that is larger than what was asked about, and therefore not known (infinite), what it is at least
+    sweeps : back-substitutions spent per subdomain and load step, those for the softness with the
+        first that needs it
+    least : of a bound that is larger than what was asked about, and therefore not known (infinite),
+        what it is at least
     """
 
     relative: float
@@ -60,15 +64,20 @@ class Bound:
 
     @classmethod
     def joined(cls, batches: Sequence[Bound]) -> Bound:
-        """What is known of all load steps from batches of them, in order; no bound holds for all."""
+        """What is known of all load steps from batches of them, in order; no bound holds for
+        all.
+        """
         return cls(np.nan, np.nan, np.concatenate([b.energy for b in batches]),
-                   *(np.vstack([getattr(b, name) for b in batches]) for name in ("repositioned", "correction")))
+                   *(np.vstack([getattr(b, name) for b in batches])
+                     for name in ("repositioned", "correction")))
 
 
 class ErrorBound:
-    """The bound for one decomposition; among ranks, sums per subdomain and per interface are formed where these are.
+    """The bound for one decomposition; among ranks, sums per subdomain and per interface are formed
+    where these are.
 
-    direction : search direction; what it then is asked of, a linear stage and its loads, is told by ``of``
+    direction : search direction; what it then is asked of, a linear stage and its loads, is told by
+        ``of``
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (T, B) external nodal forces on the boundary dofs
@@ -76,7 +85,8 @@ class ErrorBound:
     floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
-    def __init__(self, direction: SearchDirection, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray):
+    def __init__(self, direction: SearchDirection, stiffness: Blocks, modes: list[np.ndarray],
+                 external: np.ndarray):
         self.space, self.stiffness, self.external, self.floor = direction.space, stiffness, external, 0.0
         weight, balancing = stiffness.diagonal(), Balancing
         if self.space.by_nodes:
@@ -97,10 +107,11 @@ class ErrorBound:
         return part
 
     def for_cases(self, weights: np.ndarray) -> ErrorBound:
-        """The same, but valid for all steps (T) that are combinations of the present ones, weights (r, T).
+        """The same, but valid for all steps (T) that are combinations of the present ones, weights
+        (r, T).
 
-        The error of a combination is at most the combination of the errors with positive weights; the
-        largest energy of all steps is at least that of the present ones.
+        The error of a combination is at most the combination of the errors with positive weights;
+        the largest energy of all steps is at least that of the present ones.
         """
         wider = copy(self)
         wider.weights = np.abs(weights)
@@ -111,15 +122,18 @@ class ErrorBound:
         c = self.balance.reposition(fields.extended[0])
         u = fields.u + self.modes.moved(c)
         delta = self.continuity(u, self.stage.loading.known)
-        a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external, fields, delta))
+        a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external,
+                                                       fields, delta))
         a = relative(self._largest(a2), self.stage.loading.size(energy))
         return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
 
-    def __call__(self, fields: Admissible, useful: float = np.inf, known: tuple[Bound, np.ndarray, np.ndarray] | None = None,
+    def __call__(self, fields: Admissible, useful: float = np.inf,
+                 known: tuple[Bound, np.ndarray, np.ndarray] | None = None,
                  asked: float = 0.0) -> Bound:
         """Evaluate the bound of a linear stage.
 
-        useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
+        useful : a bound above it need not be known: it is infinite then, and ``least`` what has
+            been reached
         asked : a bound below it is to be one: b² is known from above
         known : what ``first`` has found
         """
@@ -131,7 +145,8 @@ class ErrorBound:
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
-        enough, solved = Enough((ROUNDING * size) ** 2, met=self._met(asked, size) ** 2), self.stage.blackbox.solved
+        enough, solved = Enough((ROUNDING * size) ** 2,
+                                met=self._met(asked, size) ** 2), self.stage.blackbox.solved
         dual = dual_energy(self.stage, h, rest, enough, reached, self.softness, aside=self.known())
         found = self._relative(rest + dual.energy, size)
         if reached.least <= useful and found <= asked and not dual.above:
@@ -148,7 +163,9 @@ class ErrorBound:
 
     def _met(self, asked: float, size: float) -> float:
         """The error of each load step with which a bound is ``asked`` at most."""
-        left = float(np.sqrt(max(asked - self.floor, 0.0) ** 2 - ROUNDING**2)) if asked - self.floor > ROUNDING else 0.0
+        left = float(
+            np.sqrt(max(asked - self.floor, 0.0) ** 2
+                    - ROUNDING**2)) if asked - self.floor > ROUNDING else 0.0
         most = 1.0 if self.weights is None else float(self.weights.sum(axis=0).max())
         return size / (1 + 1 / left) / most if left and most else 0.0
 
@@ -160,13 +177,15 @@ class ErrorBound:
 
 def moved_energy(stage: LinearStage, stiffness: Blocks, external: np.ndarray, fields: Admissible,
                  delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) a² = δᵀK δ of boundary values δ (T, B), and ‖u₂ + δ‖²_K, u₂ the linear stage's fields; this rank's part of either.
+    """(T,) a² = δᵀK δ of boundary values δ (T, B), and ‖u₂ + δ‖²_K, u₂ the linear stage's fields;
+    this rank's part of either.
 
     stiffness, external : as for ``ErrorBound``
     """
     forces, robin = stage.space.loads(fields.f), stage.space.loads(stage.robin_of(fields))
     a2 = dots(delta, times(stiffness, delta))
-    return a2, stage.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, external + forces) + a2
+    return a2, stage.loading.energy_of(robin, fields.u,
+                                       forces) + 2 * dots(delta, external + forces) + a2
 
 
 class Reached:
@@ -189,7 +208,8 @@ class Reached:
 def relative(error: float, size: float) -> float:
     """error / ‖u_exact‖, with ‖u_exact‖ ≥ ‖u_D‖ − error: infinite while the error is that large.
 
-    What rounding may add is part of it, so that no tolerance below ``ROUNDING`` is ever reported as met.
+    What rounding may add is part of it, so that no tolerance below ``ROUNDING`` is ever reported as
+    met.
     """
     if error == 0:
         return 0.0

@@ -1,23 +1,26 @@
-"""Energy error where interfaces open, slip or give way: distance to the discrete solution of the true laws, springs or none.
+"""Energy error where interfaces open, slip or give way: distance to the discrete solution of the
+true laws, springs or none.
 
 Per load step two fields are made of an iterate u, w, f:
 
-- λ̂ that the laws allow and under which every body is in balance (``admissible_forces``), and û, what the bodies do under it,
+- λ̂ that the laws allow and under which every body is in balance (``admissible_forces``), and û,
+what the bodies do under it,
   K û = f_d − NᵀBᵀλ̂;
 - v that meets supports and bonds and does not penetrate (``admissible_displacement``).
 
-With γ ≥ 0, what the law finds that v and λ̂ do not agree in (``Law.duality_gap``: p̂ g where contact is pressed and open), and the
-solution u*, λ*, expanding ‖v − û‖² about u* gives
+With γ ≥ 0, what the law finds that v and λ̂ do not agree in (``Law.duality_gap``: p̂ g where
+contact is pressed and open), and the solution u*, λ*, expanding ‖v − û‖² about u* gives
 
     ‖v − u*‖² + ‖û − u*‖² + 2 Σ [γ(v, λ*) + γ(u*, λ̂)] = E² = ‖v − û‖² + 2 Σ γ(v, λ̂)
 
-for convex laws, where all terms are ≥ 0: E bounds the error of v, guaranteed (for bonds alone this is ``stopping.bound``). From
-interface data alone, with v = u + R y + δ and h = Nᵀ(−Bᵀλ̂ − f),
+for convex laws, where all terms are ≥ 0: E bounds the error of v, guaranteed (for bonds alone this
+is ``stopping.bound``). From interface data alone, with v = u + R y + δ and h = Nᵀ(−Bᵀλ̂ − f),
 
     ‖v − û‖² = δᵀK_bb δ − 2 δᵀh + hᵀS⁺h.
 
-With Coulomb's friction the limits μ p̂ are those of λ̂, and a load step begins where v ended the one before: an estimate, but where
-``friction`` finds a factor with which E is a bound. It is part of the errors told.
+With Coulomb's friction the limits μ p̂ are those of λ̂, and a load step begins where v ended the
+one before: an estimate, but where ``friction`` finds a factor with which E is a bound. It is part
+of the errors told.
 """
 
 from __future__ import annotations
@@ -45,14 +48,17 @@ from orchestrator.method.stopping.softest import BesideRigid, softest
 from orchestrator.scene.conditions.rigid import RIGID
 from orchestrator.scene.model import Subdomain
 
-USEFUL = 2.0  # E over the error asked for, up to which it is found: how far the law residual has to fall follows from it
+# E over the error asked for, up to which it is found: how far the law residual has to fall follows
+# from it
+USEFUL = 2.0
 
 
 @dataclass(frozen=True)
 class Pair:
     """v and λ̂ of T load steps, this rank's points.
 
-    answers : of the laws, load step by load step, whose force is λ̂; predicted : (T, 3, P) what they are asked, F
+    answers : of the laws, load step by load step, whose force is λ̂; predicted : (T, 3, P) what
+        they are asked, F
     delta : (T, B) v − u − R y on the boundary dofs; moved : (T, own modes) y
     jump : (T, 3, P) of v; gap : (T,) Σγ of these points
     before : what load steps begin with, and what the last one leaves, T + 1
@@ -84,9 +90,11 @@ class Pair:
     def joined(cls, batches: Sequence[Pair]) -> Pair:
         """Of all load steps from batches of them, in order."""
         predicted, delta, moved, jump, gap, unbalanced, broken = map(np.concatenate, zip(*(
-            (b.predicted, b.delta, b.moved, b.jump, b.gap, b.unbalanced, b.broken) for b in batches)))
+            (b.predicted, b.delta, b.moved, b.jump, b.gap, b.unbalanced, b.broken)
+            for b in batches)))
         before = [*(state for b in batches for state in b.before[:-1]), batches[-1].before[-1]]
-        return cls([answer for b in batches for answer in b.answers], predicted, delta, moved, jump, gap, before, unbalanced, broken)
+        return cls([answer for b in batches for answer in b.answers], predicted, delta, moved, jump,
+                   gap, before, unbalanced, broken)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,12 +122,18 @@ class Certified(Bound):
     @classmethod
     def joined(cls, batches: Sequence[Certified]) -> Certified:
         """The error of all load steps from batches of them, in order."""
-        errors, energy, repositioned, correction = (np.concatenate([getattr(b, name) for b in batches])
-                                                    for name in ("errors", "energy", "repositioned", "correction"))
+        errors, energy, repositioned, correction = (
+            np.concatenate([getattr(b, name) for b in batches])
+                                                    for name in (
+                                                        "errors", "energy", "repositioned",
+                                                        "correction"))
         size, duals = max(b.size for b in batches), [b.dual for b in batches]
-        return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
-                   sum(b.sweeps for b in batches), errors=errors, size=size, pair=Pair.joined([b.pair for b in batches]),
-                   factor=float(np.max([b.factor for b in batches])), dual=None if None in duals else Dual.joined(duals))
+        return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy,
+                   repositioned, correction,
+                   sum(b.sweeps for b in batches), errors=errors, size=size,
+                   pair=Pair.joined([b.pair for b in batches]),
+                   factor=float(np.max([b.factor for b in batches])),
+                   dual=None if None in duals else Dual.joined(duals))
 
 
 class Certificate:
@@ -131,38 +145,49 @@ class Certificate:
     external : (T, B) external nodal forces on the boundary dofs
     pushed : per own subdomain (T, r) what all external forces on it do in these motions
     stage : linear stage of these load steps
-    before : what the load step before the first one has left, and the largest energy norm until then
+    before : what the load step before the first one has left, and the largest energy norm until
+        then
 
     floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
-    def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage,
+    def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray],
+                 external: np.ndarray, stage: LinearStage,
                  pushed: list[np.ndarray]):
         self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
-        self.space, self.before, self.reached, self.floor = stage.space, History.none(len(pairs)), 0.0, 0.0
+        self.space, self.before, self.reached, self.floor = stage.space, History.none(
+            len(pairs)), 0.0, 0.0
         self.forces = AdmissibleForces(stage.direction, pairs, modes)
         weight = per_node(stiffness.diagonal(), self.space)
         self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, weight))
         self.beside = BesideRigid(stage, self.forces.u)
         self.pushed = np.zeros((len(external), RIGID, 0)) if not pushed else np.stack(
-            [own @ R for own, R in zip(pushed, self.forces.R)], axis=2)[:, :, self.beside.of.subdomains]
+            [own @ R for own, R in zip(pushed, self.forces.R)],
+            axis=2)[:, :, self.beside.of.subdomains]
         softness = cache(partial(softest, stage, self.beside))  # made once, for all load steps
         imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
-        work, = self.space.team.sum(float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
-        self.imposed = NOTHING * float(np.sqrt(work))  # of bodies that laws carry away, and nothing strains
+        work, = self.space.team.sum(
+            float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
+        # of bodies that laws carry away, and nothing strains
+        self.imposed = NOTHING * float(np.sqrt(work))
         self.factor = guarantee(pairs, stiffness, modes, stage, softness)
-        self.softness = lambda: None if np.isnan(self.factor()) else softness()  # an estimate does without: it takes a third of the sweeps
+        # an estimate does without: it takes a third of the sweeps
+        self.softness = lambda: None if np.isnan(self.factor()) else softness()
 
-    def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
+    def batch(self, steps: slice | np.ndarray, stage: LinearStage,
+              earlier: Certified | None) -> Certificate:
         """The certificate of some load steps; ``earlier``: what those before have ended with."""
         part = copy(self)
-        part.pairs, part.external, part.stage, part.pushed = self.pairs.batch(steps), self.external[steps], stage, self.pushed[steps]
+        part.pairs, part.external, part.stage, part.pushed = self.pairs.batch(steps), self.external[
+            steps], stage, self.pushed[steps]
         if earlier is not None:
             part.before, part.reached = earlier.pair.before[-1], earlier.size
         return part
 
     def estimated(self) -> Certificate:
-        """The same, with no factor that makes a bound of it: for load steps that others go before."""
+        """The same, with no factor that makes a bound of it: for load steps that others go
+        before.
+        """
         part = copy(self)
         part.factor, part.softness = (lambda: np.nan), (lambda: None)
         return part
@@ -170,24 +195,30 @@ class Certificate:
     def __call__(self, fields: Admissible, asked: float = np.inf) -> Certified:
         """The error of an iterate.
 
-        asked : error asked for; above ``USEFUL`` of it E need not be known: it is infinite then, and ``least`` what has been reached
+        asked : error asked for; above ``USEFUL`` of it E need not be known: it is infinite then,
+            and ``least`` what has been reached
         """
         useful = USEFUL * asked
         pair = self.pair(fields)
         delta = pair.delta
-        # rigid motions do no work on forces in balance: what rounding leaves of that, of a body that is far, is more than its energy
+        # rigid motions do no work on forces in balance: what rounding leaves of that, of a body
+        # that is far, is more than its energy
         h = self.beside.balanced(self.change(fields, pair.forces))
         a2, energy = moved_energy(self.stage, self.stiffness, self.external, fields, delta)
-        energy = energy - self.beside.rigid_work(fields.u - self.stage.loading.carried, self.pushed, self.space.loads(fields.f))
+        energy = energy - self.beside.rigid_work(fields.u - self.stage.loading.carried, self.pushed,
+                                                 self.space.loads(fields.f))
         a2, energy, rest = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * pair.gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(_largest(a2), size)
-        known = Certified(np.inf, a, energy, pair.moved, delta, errors=np.full(len(a2), np.inf), size=size, pair=pair)
+        known = Certified(np.inf, a, energy, pair.moved, delta, errors=np.full(len(a2), np.inf),
+                          size=size, pair=pair)
         if a > useful or pair.missing:
             return replace(known, least=a)
-        solved, factor, reached = self.stage.blackbox.solved, self.factor(), Reached(_largest, size, useful)
+        solved, factor, reached = self.stage.blackbox.solved, self.factor(), Reached(
+            _largest, size, useful)
         times_at_most = 1.0 if np.isnan(factor) else factor
-        met = max(size / (1 + 1 / asked) - self.floor * size, 0.0) / times_at_most if np.isfinite(asked) else 0.0
+        met = max(size / (1 + 1 / asked) - self.floor * size,
+                  0.0) / times_at_most if np.isfinite(asked) else 0.0
         # what rounding leaves of resultants has no energy
         enough = Enough((ROUNDING * size) ** 2, met=met**2)
         dual = dual_energy(self.stage, h, rest, enough, reached, self.softness())
@@ -195,7 +226,8 @@ class Certificate:
         if reached.least > useful:
             return replace(known, least=reached.least)
         errors = np.sqrt(np.maximum(rest + dual.energy, 0.0)) * times_at_most + self.floor * size
-        return replace(known, relative=relative(float(errors.max()), size), errors=errors, factor=factor, dual=dual)
+        return replace(known, relative=relative(float(errors.max()), size), errors=errors,
+                       factor=factor, dual=dual)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
         """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""
@@ -214,7 +246,8 @@ class Certificate:
             known = None if held is None else held[t]
             placed = self.displacement(u, known, answer, balanced.F, before[t], number)
             before.append(History(placed.jump, answer.own))
-            found.append((balanced.F, placed.v - u, self.forces.moved(balanced.y), placed.jump, placed.gap.sum(), balanced.unbalanced,
+            found.append((balanced.F, placed.v - u, self.forces.moved(balanced.y), placed.jump,
+                          placed.gap.sum(), balanced.unbalanced,
                           not placed.admissible, answer))
         *columns, answers = zip(*found)
         predicted, delta, moved, jump, gap, unbalanced, broken = map(np.array, columns)

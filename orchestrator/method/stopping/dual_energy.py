@@ -1,11 +1,14 @@
-"""b² = hᵀS⁺h, the energy of forces h on the boundary of all subdomains, by conjugate gradients on the black box.
+"""b² = hᵀS⁺h, the energy of forces h on the boundary of all subdomains, by conjugate gradients on
+the black box.
 
-S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, and
-serves as the preconditioner, so that S p = (S + k) p − k p, of which the first term follows by recurrence. Bodies do not feel each other:
-those of which what is left counts no longer are not asked again, and few slender ones are all that remain.
+S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹
+is what the black box applies, and serves as the preconditioner, so that S p = (S + k) p − k p, of
+which the first term follows by recurrence. Bodies do not feel each other: those of which what is
+left counts no longer are not asked again, and few slender ones are all that remain.
 
-The iterates approach from below; their geometric tail is added, and for its own error the accuracy that they are stopped at. With
-stiff soles a² and b² are large and almost cancelled by the cross term: the accuracy of the sum counts.
+The iterates approach from below; their geometric tail is added, and for its own error the accuracy
+that they are stopped at. With stiff soles a² and b² are large and almost cancelled by the cross
+term: the accuracy of the sum counts.
 """
 
 from __future__ import annotations
@@ -20,12 +23,17 @@ from orchestrator.method.interface.rows import dots, ratio, ColumnSegments
 from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.stopping.known_answers import KnownAnswers
 
-RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
+# the conjugate gradients stop when neither a step nor what is to come adds more of the bound's
+# square
+RELATIVE_TAIL = 0.02
 MAX_STEPS = 100
 LONGER = 3
-CLOSELY = 1e-4  # of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
+# of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
+CLOSELY = 1e-4
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
-MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
+# the same where the sum is small enough all the same: the error is told as at most 1.4 times what
+# it is
+MET = 0.5
 IDLE = 0.1  # of what may be left in all, what bodies that are not asked again may keep together
 CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
@@ -52,9 +60,10 @@ class Dual(NamedTuple):
     energy : (T,) of all subdomains; infinite where it is not reached
     sweeps : back-substitutions spent
     x, left, of : (T, B) S⁺h, nearly, without rigid motions, h − S x, and h
-    towards, meant, size : (T, B) the last direction p and (S + k) p, and (T, S) rᵀM⁻¹r before it, None at first: the next step goes on from
-        them
-    above : whether the energy is known from above, with σ of the subdomains, or told by the steps' tail
+    towards, meant, size : (T, B) the last direction p and (S + k) p, and (T, S) rᵀM⁻¹r before it,
+        None at first: the next step goes on from them
+    above : whether the energy is known from above, with σ of the subdomains, or told by the steps'
+        tail
     """
 
     energy: np.ndarray
@@ -70,9 +79,11 @@ class Dual(NamedTuple):
     @classmethod
     def joined(cls, batches: Sequence[Dual]) -> Dual:
         """Of all load steps from batches of them, in order."""
-        energy, x, left, of = (np.concatenate([getattr(b, name) for b in batches]) for name in ("energy", "x", "left", "of"))
+        energy, x, left, of = (np.concatenate([getattr(b, name) for b in batches])
+                               for name in ("energy", "x", "left", "of"))
         last = zip(*((b.towards, b.meant, b.size) for b in batches))
-        return cls(energy, sum(b.sweeps for b in batches), x, left, of, *(None if any(one is None for one in each) else np.concatenate(each)
+        return cls(energy, sum(b.sweeps for b in batches), x, left, of,
+                   *(None if any(one is None for one in each) else np.concatenate(each)
                    for each in last), above=all(b.above for b in batches))
 
 
@@ -120,9 +131,11 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     enough : when that sum is known well enough
-    beyond : of the sums reached so far, (T,), whether they are more than can be of use: that is returned then, and the true one is larger
-    softness : (S,) σ of the own subdomains, see ``softest``: what is left is known from above then, and added, see ``_reach``. Of slender
-        bodies that takes long: after ``LONGER`` times as many steps the tail has to do. A function is asked once steps end within ``met``
+    beyond : of the sums reached so far, (T,), whether they are more than can be of use: that is
+        returned then, and the true one is larger
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left is known from above then,
+        and added, see ``_reach``. Of slender bodies that takes long: after ``LONGER`` times as many
+        steps the tail has to do. A function is asked once steps end within ``met``
     begun : what an earlier call has found, from which it goes on if that was of the same h
     aside : fields whose forces are known, in which h is answered beforehand
     """
@@ -135,7 +148,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     descent, rz_old = Descent(stage, begun, aside), begun.size
     total, = space.team.sum(dots(begun.x, h + begun.left))
     going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
-    steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(RELATIVE_TAIL, enough.share)
+    steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(
+        RELATIVE_TAIL, enough.share)
     softness, ask = (None, softness) if callable(softness) else (softness, None)
 
     def told(energy: np.ndarray, above: bool = False) -> Dual:
@@ -150,7 +164,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             left, = space.team.sum(kept.sum(axis=1))
             most = total + left
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
-            if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
+            if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most),
+                                       enough.negligible):
                 return told(most, True)
         alpha, rz_old = descent.moved(), rz
         gained, = space.team.sum((alpha * rz).sum(axis=1))
@@ -158,38 +173,48 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         steps.append(float(gained.sum()))
         if beyond(total + rest):
             return told(total)
-        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
+        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total),
+                                        enough.negligible)
         taken.append((alpha, rz))
         kept = np.where(going, SLOW * alpha * rz if softness is None else kept - alpha * rz, kept)
         going &= kept > IDLE * closely * worth / (len(h) * space.link.subdomain_count)
-        if ask and softness is None and max(steps[-1], tail) <= LEFT * worth and (total + rest).max() + tail <= enough.met:
+        if ask and softness is None and max(steps[-1],
+                                            tail) <= LEFT * worth and (
+                                                total + rest).max() + tail <= enough.met:
             softness, going[:] = ask(), True
             reach = _reach_of(softness, taken)
         ready = ready or (sweeps if max(steps[-1], tail) <= closely * worth else 0)
         if ready and (softness is None or sweeps >= LONGER * ready):
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
-            return told(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0), softness is not None)
+            return told(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0),
+                        softness is not None)
     return told(np.full(len(h), np.inf))
 
 
-def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:
+def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray,
+           rz_old: np.ndarray) -> np.ndarray:
     """(T, S) what rᵀS⁺r is at most, over rᵀM⁻¹r, after another step of the conjugate gradients.
 
-    By Gauss–Radau quadrature with the node μ = σ/(1 + σ) below all eigenvalues of M⁻¹S: γ_0 = 1/μ, γ ← (γ − α)/(μ (γ − α) + β)
-    (Meurant & Tichý, Numer. Algorithms 62, 2013, eq. 4.6). Where rounding leaves nothing of γ − α it is 1/μ again.
+    By Gauss–Radau quadrature with the node μ = σ/(1 + σ) below all eigenvalues of M⁻¹S: γ_0 = 1/μ,
+    γ ← (γ − α)/(μ (γ − α) + β) (Meurant & Tichý, Numer. Algorithms 62, 2013, eq. 4.6). Where
+    rounding leaves nothing of γ − α it is 1/μ again.
 
-    before, alpha : γ and steps α (T, S) of the step before, None at first; rz, rz_old : rᵀM⁻¹r (T, S) now and before
+    before, alpha : γ and steps α (T, S) of the step before, None at first; rz, rz_old : rᵀM⁻¹r (T,
+        S) now and before
     """
     worst = np.broadcast_to(1 + 1 / softness, rz.shape)
     if before is None:
         return worst
     left, beta = before - alpha, ratio(rz, rz_old)
-    return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
+    return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0),
+                               worst), worst)
 
 
 def _reach_of(softness: np.ndarray, taken: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(T, S) the same after steps of α and rᵀM⁻¹r (T, S) each: of what has not taken part in the last, all that it is at most."""
+    """(T, S) the same after steps of α and rᵀM⁻¹r (T, S) each: of what has not taken part in the
+    last, all that it is at most.
+    """
     reach = _reach(softness, None, *taken[0], taken[0][1])
     for (alpha, old), (_, new) in zip(taken, taken[1:]):
         reach = _reach(softness, reach, alpha, new, old)

@@ -1,6 +1,7 @@
 """Quantities that watch the iterations: the paper's η and what it should not replace.
 
-All are relative and dimensionless. Norms sum over both sides of all interfaces and all load steps, and over all ranks.
+All are relative and dimensionless. Norms sum over both sides of all interfaces and all load steps,
+and over all ranks.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class Measures:
     displacement_jump : ‖B w‖ / ‖w‖, weighted by the diagonal of k⁻
     force_imbalance : ‖A f‖ / ‖f‖, weighted by the inverse diagonal of k⁻
     residual : ‖F(s) − s‖ / ‖F(s)‖, in the same norm
-    macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
-        eq. 17; nan without macro problem
+    macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to
+        rounding, eq. 17; nan without macro problem
     counts : name of a status → pairs that have it, summed over the steps
     moved : largest interface displacement of the linear stage
     asked : 1 where the codes were asked, 0 for a state of zeros
@@ -43,10 +44,13 @@ class Measures:
     @property
     def values(self) -> dict[str, float]:
         """Those that the history has."""
-        return {name: getattr(self, name) for name in ("indicator", "displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
+        return {name: getattr(self, name)
+                for name in ("indicator", "displacement_jump", "force_imbalance", "residual",
+                             "macro_imbalance")}
 
 
-def measure(problem: Decomposition, fields: Admissible, local: LocalState, residual: np.ndarray, exact: bool,
+def measure(problem: Decomposition, fields: Admissible, local: LocalState, residual: np.ndarray,
+            exact: bool,
             ends: tuple[float, float]) -> Measures:
     """Measure an iteration; one message among ranks.
 
@@ -66,19 +70,23 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
                _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     resultant = (np.nan, 1.0) if macro is None else macro.imbalance(fields.extended[1])
     (gap, total, counts, *squares), (*ends, unbalanced, scale) = space.team.both(
-        [*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares], [*ends, *resultant])
-    ratios = [float(np.sqrt(part / whole)) if whole > 0 else 0.0 for part, whole in zip(squares[::2], squares[1::2])]
-    return Measures(float(gap / total) if total > 0 else 0.0, *ratios, unbalanced / scale if scale > 0 else 0.0,
+        [*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares],
+        [*ends, *resultant])
+    ratios = [float(np.sqrt(part / whole)) if whole > 0 else 0.0
+              for part, whole in zip(squares[::2], squares[1::2])]
+    return Measures(float(gap / total) if total > 0 else 0.0, *ratios,
+                    unbalanced / scale if scale > 0 else 0.0,
                     dict(zip(counted, counts.astype(int).tolist())), *ends)
 
 
-def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, exact: bool) -> tuple[float, float]:
+def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState,
+                exact: bool) -> tuple[float, float]:
     """This rank's part of numerator and denominator of the paper's η, eq. 16, transposes mended.
 
     η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)
 
-    It is a *squared* distance between both solution sets, and depends on the search direction: small soles
-    make it small whatever the error is.
+    It is a *squared* distance between both solution sets, and depends on the search direction:
+    small soles make it small whatever the error is.
 
     exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
@@ -100,7 +108,8 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
         solved, given = apart / direction.diagonal, f / direction.diagonal
     square = float(np.vdot(apart, solved))
     both = float(2 * (np.vdot(f, given) - np.vdot(apart, given))) + square  # ‖f‖² + ‖f − apart‖²
-    return float(np.vdot(w - w_hat, kw - kw_hat)) + square, float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + both
+    return float(np.vdot(w - w_hat, kw - kw_hat)) + square, float(
+        np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + both
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:

@@ -1,14 +1,17 @@
-"""How soft subdomains are beside their soles: σ, the least eigenvalue above zero of S x = σ k x on a subdomain's boundary.
+"""How soft subdomains are beside their soles: σ, the least eigenvalue above zero of S x = σ k x on
+a subdomain's boundary.
 
-Conjugate gradients on S, preconditioned with M = S + k, leave a residual r whose energy is then known from above,
+Conjugate gradients on S, preconditioned with M = S + k, leave a residual r whose energy is then
+known from above,
 
     rᵀS⁺r ≤ (1 + 1/σ) rᵀM⁻¹r
 
 for r in balance with all rigid motions. M⁻¹S has the eigenvalues σ/(1 + σ): the least of them is
 told by steps of the same conjugate gradients from forces in balance, all subdomains at once. Beside
 answers that are known (``known_answers``) it is larger. Ritz values come from one side:
-σ goes on to fall twice as its last two steps have let it fall, and is halved. A residual says nothing where many fields are about as
-soft as each other: with moduli 1:1000 brick by brick σ is known to a third by then, and each residual is larger than all of it.
+σ goes on to fall twice as its last two steps have let it fall, and is halved. A residual says
+nothing where many fields are about as soft as each other: with moduli 1:1000 brick by brick σ is
+known to a third by then, and each residual is larger than all of it.
 """
 
 from __future__ import annotations
@@ -35,7 +38,8 @@ class BesideRigid:
 
     def __init__(self, stage: LinearStage, rigid: np.ndarray):
         self.of, self.rigid = ColumnSegments(stage.space.boundary), rigid
-        self.carried = np.concatenate([stage.direction.robin(one[None]) for one in rigid])  # all at once take six times as much
+        # all at once take six times as much
+        self.carried = np.concatenate([stage.direction.robin(one[None]) for one in rigid])
         gram = np.stack([self.of.sums(rigid * one) for one in self.carried]).transpose(2, 1, 0)
         self.inverse = np.linalg.pinv(gram, rcond=DEPENDENT, hermitian=True)
 
@@ -46,7 +50,8 @@ class BesideRigid:
     def rigid_work(self, x: np.ndarray, pushed: np.ndarray, h: np.ndarray) -> np.ndarray:
         """(T,) work that forces do in the rigid motions of fields x (T, B).
 
-        pushed : (T, 6, S) what some forces do in ``rigid``, of each subdomain with boundary dofs; h : (T, B) the others
+        pushed : (T, 6, S) what some forces do in ``rigid``, of each subdomain with boundary dofs; h
+            : (T, B) the others
         """
         acting = pushed + np.stack([self.of.sums(one * h) for one in self.rigid], axis=-2)
         return np.einsum("tis,tis->t", self._share(self.carried, x), acting)

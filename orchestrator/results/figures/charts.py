@@ -40,36 +40,45 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
             continue
         if known.any():
             main = column in _MAIN
-            axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker, markevery=every,
-                          markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
+            axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker,
+                          markevery=every,
+                          markersize=5 if main else 4, linewidth=1.8 if main else 1.1,
+                          zorder=4 if main else 3)
     target = tolerance(summary)
     if target is not None:
         name, value = target
         axes.axhline(value, color=GREY, linestyle="--", linewidth=1)
-        axes.annotate(f"tolerance on the {name}: {value:g}", (0, value), xycoords=("axes fraction", "data"),
+        axes.annotate(f"tolerance on the {name}: {value:g}", (0, value),
+                      xycoords=("axes fraction", "data"),
                       xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY, zorder=5,
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
-    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity", yscale="log")
+    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity",
+             yscale="log")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
+    title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged")
+                                                else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", loc="best")
     else:  # one subdomain, say
-        axes.text(0.5, 0.7, "all of it is zero, or rounding", transform=axes.transAxes, ha="center", color=GREY)
+        axes.text(0.5, 0.7, "all of it is zero, or rounding", transform=axes.transAxes, ha="center",
+                  color=GREY)
     return figure
 
 
 def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
-    """Name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in the summary."""
+    """Name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in the
+    summary.
+    """
     config = summary.get("config") or {}
     method = config.get("method") if isinstance(config, Mapping) else None
     given = (method or {}).get("tolerance")
     for key, value in (given.items() if isinstance(given, Mapping) else ()):
         if value:
             known = summary.get("status_counts") is None or summary.get("error_kind")
-            names = {"error": "error bound" if known else "law residual", "law": "law residual", "indicator": "indicator η"}
+            names = {"error": "error bound" if known else "law residual", "law": "law residual",
+                     "indicator": "indicator η"}
             value = summary.get("tolerance") if value == "auto" else value
             return None if value is None else (names.get(key, key), float(value))
     return None
@@ -78,14 +87,17 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
 def time_per_stage(summary: Mapping[str, object]) -> Figure:
     """Bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
     timing = summary["timing"]
-    entries = summary.get("codes") or [{"code": "the black box", "seconds": timing.get("blackbox") or {}}]
+    entries = summary.get("codes") or [{"code": "the black box",
+                                        "seconds": timing.get("blackbox") or {}}]
     total, wall = float(timing["total"]), stage_seconds(timing)
-    sections = [(f"wall clock: {total:.2f} s", wall if wall[-1][1] > 0.005 * total else wall[:-1], BLUE)]
+    sections = [(f"wall clock: {total:.2f} s", wall if wall[-1][1] > 0.005 * total else wall[:-1],
+                 BLUE)]
     for entry in entries:
         own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
         if spent := sum(seconds for _, seconds in own):
             name = code_label(entry) if len(entries) > 1 else entry["code"]
-            sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
+            sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers",
+                             own, ORANGE))
 
     height = 0.27 * sum(len(bars) + 1 for _, bars, _ in sections) + 0.9
     figure = new_figure(7.2, height)
@@ -97,7 +109,8 @@ def time_per_stage(summary: Mapping[str, object]) -> Figure:
         places = y + 1.0 + np.arange(len(bars))
         drawn = axes.barh(places, [seconds for _, seconds in bars], height=0.72, color=colour)
         axes.bar_label(drawn, fmt="%.2f", padding=3, fontsize=8, color=GREY)
-        ticks, labels, y = [*ticks, *places], [*labels, *(label for label, _ in bars)], y + len(bars) + 1.2
+        ticks, labels, y = [*ticks, *places], [*labels,
+                                               *(label for label, _ in bars)], y + len(bars) + 1.2
     axes.set_yticks(ticks, labels, fontsize=8.5)
     axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
     axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)

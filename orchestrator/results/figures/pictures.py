@@ -1,7 +1,8 @@
-"""Pictures of the structure: the deformed shape with von Mises stress, and where interfaces are open, stick or slip.
+"""Pictures of the structure: the deformed shape with von Mises stress, and where interfaces are
+open, stick or slip.
 
-Where neither a display, EGL nor OSMesa is to be had, VTK ends its process with a segmentation fault instead of an error: only a
-process apart from the run may draw here (see ``artist``).
+Where neither a display, EGL nor OSMesa is to be had, VTK ends its process with a segmentation fault
+instead of an error: only a process apart from the run may draw here (see ``artist``).
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ WIDTH = 9.0  # of a figure, inches
 UNKNOWN = "#bfbfbf"
 SHARP = 30.0  # degrees by which faces turn at an edge that is drawn
 MARGIN = 1.04
-HIGH, SEEN = 0.99, 400  # share of what is seen that the scale holds, in a view so wide; what is beyond stands out
+# share of what is seen that the scale holds, in a view so wide; what is beyond stands out
+HIGH, SEEN = 0.99, 400
 ABOVE = 1.5  # of that, from which the peak is beyond; else the scale ends there
 FLATTEST, TALLEST = 0.25, 0.75  # height of a view over its width
 
@@ -57,7 +59,8 @@ class Picture:
 
 
 def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
-    """Return the deformed surface, coloured by von Mises stress; None where no part has a mesh of ours.
+    """Return the deformed surface, coloured by von Mises stress; None where no part has a mesh of
+    ours.
 
 
     Where no stress is known, colours are the size of the displacement.
@@ -68,7 +71,8 @@ def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
     kept = np.flatnonzero(fields.lame[:, 1] > 0)
     if not len(kept):
         return None
-    steps, units, surface = shown_steps(fields, summary), units_of(summary), outer_surface(fields, kept)
+    steps, units, surface = shown_steps(fields,
+                                        summary), units_of(summary), outer_surface(fields, kept)
     factor, most = exaggeration(fields, kept, steps), largest_displacement(fields, kept, steps)
     stress = [fields.nodal.von_mises(step) for step in steps]
     known = bool(np.isfinite(stress).any())
@@ -80,17 +84,22 @@ def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
         moved.append(surface.copy())
         moved[-1].points = surface.points + factor * u
         moved[-1]["colour"] = values[place] if known else np.linalg.norm(u, axis=1)
-    name, unit = ("von Mises stress", units["stress"]) if known else ("displacement", units["length"])
+    name, unit = ("von Mises stress",
+                  units["stress"]) if known else ("displacement", units["length"])
     told = [f"displacements × {factor:g}", f"largest displacement {short(most)}{units['length']}",
-            f"peak {name} {short(peak)}{unit}", *["grey: stress not known"] * bool(known and np.isnan(stress).any())]
-    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, peak or 1.0), palette,
+            f"peak {name} {short(peak)}{unit}", *["grey: stress not known"]
+            * bool(known and np.isnan(stress).any())]
+    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps),
+                   (0.0, peak or 1.0), palette,
                    name + (unit and "," + unit), told)
 
 
 def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
-    """Return the interfaces' faces, without the bodies, coloured by status; None where all interfaces are perfect.
+    """Return the interfaces' faces, without the bodies, coloured by status; None where all
+    interfaces are perfect.
 
-    The status of a node fills its share of the faces around it. Lines are the edges of the undeformed bodies.
+    The status of a node fills its share of the faces around it. Lines are the edges of the
+    undeformed bodies.
     """
     import pyvista
     from matplotlib.colors import ListedColormap
@@ -110,14 +119,19 @@ def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
     lines = edges(outer_surface(fields, np.arange(len(fields.cells))))
     told = [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed"]
     return Picture(drawn, [lines] * len(steps), headings(fields, steps), (-0.5, len(shown) - 0.5),
-                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told, i.kind_names[shown].tolist())
+                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told,
+                   i.kind_names[shown].tolist())
 
 
 def shown_steps(fields: Fields, summary: Mapping[str, Any]) -> list[int]:
-    """Return the load step of the peak stress, and where interfaces may open the first, the middle and the last one too."""
+    """Return the load step of the peak stress, and where interfaces may open the first, the middle
+    and the last one too.
+    """
     peak = summary.get("peak_stress") or {}
-    largest = peak["load_step"] - 1 if "load_step" in peak else int(np.abs(fields.displacement).max(axis=(1, 2)).argmax())
-    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(int).tolist()
+    largest = peak["load_step"] - 1 if "load_step" in peak else int(
+        np.abs(fields.displacement).max(axis=(1, 2)).argmax())
+    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(
+        int).tolist()
     return sorted({largest, *others})
 
 
@@ -127,17 +141,25 @@ def headings(fields: Fields, steps: Sequence[int]) -> list[str]:
 
 
 def outer_surface(fields: Fields, kept: np.ndarray) -> PolyData:
-    """Return the outer faces of cells (k,) int, each subdomain's by itself; ``place`` of a point is its index in ``Nodal.split``."""
+    """Return the outer faces of cells (k,) int, each subdomain's by itself; ``place`` of a point is
+    its index in ``Nodal.split``.
+    """
     import pyvista
 
     node, cells = fields.nodal.split
     kind = {4: pyvista.CellType.TETRA, 10: pyvista.CellType.QUADRATIC_TETRA}[cells.shape[1]]
-    grid = pyvista.UnstructuredGrid({kind: cells[kept].astype(np.int64)}, np.asarray(fields.opened.nodes[node], float))
-    grid.point_data["place"], grid.cell_data["subdomain"] = np.arange(len(node)), fields.subdomain[kept]
-    outer = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1, pass_pointid=False, pass_cellid=False)
-    key = np.asarray(outer["place"], np.int64)[outer.regular_faces] + len(node) * np.asarray(outer["subdomain"], np.int64)[:, None]
+    grid = pyvista.UnstructuredGrid({kind: cells[kept].astype(np.int64)},
+                                    np.asarray(fields.opened.nodes[node], float))
+    grid.point_data["place"], grid.cell_data["subdomain"] = np.arange(len(node)), fields.subdomain[
+        kept]
+    outer = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1,
+                                 pass_pointid=False, pass_cellid=False)
+    key = np.asarray(outer["place"],
+                     np.int64)[outer.regular_faces] + len(node) * np.asarray(
+                         outer["subdomain"], np.int64)[:, None]
     own, corners = np.unique(key, return_inverse=True)
-    surface = pyvista.PolyData.from_regular_faces(grid.points[own % len(node)], corners.reshape(-1, 3))
+    surface = pyvista.PolyData.from_regular_faces(grid.points[own % len(node)],
+                                                  corners.reshape(-1, 3))
     surface["place"] = own % len(node)
     return surface
 
@@ -148,20 +170,26 @@ def edges(surface: PolyData) -> PolyData:
 
 
 def shares(corners: np.ndarray) -> np.ndarray:
-    """Return of triangles (m, 3, 3) what is nearest to each corner, in two triangles: (m, 3, 2, 3, 3)."""
-    middle, centre = 0.5 * (corners + corners[:, [1, 2, 0]]), np.broadcast_to(corners.mean(axis=1)[:, None], corners.shape)
+    """Return of triangles (m, 3, 3) what is nearest to each corner, in two triangles: (m, 3, 2, 3,
+    3).
+    """
+    middle, centre = 0.5 * (corners + corners[:, [1, 2, 0]]), np.broadcast_to(
+        corners.mean(axis=1)[:, None], corners.shape)
     return np.stack([np.stack([corners, middle, centre], axis=2),
                      np.stack([corners, centre, middle[:, [2, 0, 1]]], axis=2)], axis=2)
 
 
 @cache
 def _window() -> Plotter:
-    """Return a window that is never shown, for all pictures of this process: to open it takes longer than to draw."""
+    """Return a window that is never shown, for all pictures of this process: to open it takes
+    longer than to draw.
+    """
     import pyvista
 
     if not os.environ.get("DISPLAY"):  # otherwise VTK tries X first and complains
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    plotter = pyvista.Plotter(off_screen=True, lighting="none", window_size=(16, 16), theme=pyvista.themes.DocumentTheme())
+    plotter = pyvista.Plotter(off_screen=True, lighting="none", window_size=(16, 16),
+                              theme=pyvista.themes.DocumentTheme())
     plotter.enable_anti_aliasing("msaa", multi_samples=8)
     plotter.add_light(pyvista.Light(light_type="headlight"))
     plotter.enable_parallel_projection()
@@ -172,15 +200,18 @@ def _window() -> Plotter:
 def draw(picture: Picture, step: int, width: int) -> np.ndarray:
     """Return (rows, width, 3) uint8, the view of one of the load steps."""
     plotter, light = _window(), not picture.kinds
-    focus, toward, up, extent = _camera(np.concatenate([shape.points for shape in (*picture.surfaces, *picture.lines)]))
+    focus, toward, up, extent = _camera(
+        np.concatenate([shape.points for shape in (*picture.surfaces, *picture.lines)]))
     plotter.clear_actors()
     plotter.render_window.SetSize(width, round(width * extent[1] / extent[0]))
-    plotter.add_mesh(picture.surfaces[step], scalars="colour", cmap=picture.palette, clim=picture.limits, nan_color=UNKNOWN,
+    plotter.add_mesh(picture.surfaces[step], scalars="colour", cmap=picture.palette,
+                     clim=picture.limits, nan_color=UNKNOWN,
                      interpolate_before_map=True, above_color=RED if picture.beyond else None,
                      show_scalar_bar=False, lighting=light, ambient=0.75 if light else 1.0,
                      diffuse=0.3 * light, reset_camera=False, render=False)
     if picture.lines[step].n_points:
-        actor = plotter.add_mesh(picture.lines[step], color="black", opacity=0.45, lighting=False, line_width=max(1.0, width / 900),
+        actor = plotter.add_mesh(picture.lines[step], color="black", opacity=0.45, lighting=False,
+                                 line_width=max(1.0, width / 900),
                                  reset_camera=False, render=False)
         actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
         actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
@@ -192,13 +223,15 @@ def draw(picture: Picture, step: int, width: int) -> np.ndarray:
 
 
 def _camera(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the middle of the view (3,), unit vectors to the eye and upward (3,), width and height of what holds points (n, 3).
+    """Return the middle of the view (3,), unit vectors to the eye and upward (3,), width and height
+    of what holds points (n, 3).
 
     It looks from the front, the right and above; slender bodies lie across the picture.
     """
     span = np.ptp(points, axis=0)
     slender = np.sort(span)[2] > 3 * np.sort(span)[1]
-    toward = [(0.45, -1.0, 0.45), (1.0, -0.45, 0.45), (0.7, -1.0, 0.3)][int(span.argmax())] if slender else (0.75, -1.0, 0.6)
+    toward = [(0.45, -1.0, 0.45), (1.0, -0.45, 0.45),
+              (0.7, -1.0, 0.3)][int(span.argmax())] if slender else (0.75, -1.0, 0.6)
     toward = np.array(toward) / np.linalg.norm(toward)
     right = np.cross([0.0, 0.0, 1.0], toward)
     right /= np.linalg.norm(right)
@@ -206,7 +239,8 @@ def _camera(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
     width, height = MARGIN * np.maximum((high - low)[:2], 1e-9 * span.max())
     ratio = min(max(height / width, FLATTEST), TALLEST)
-    return 0.5 * (low + high) @ axes, toward, axes[1], np.array([max(width, height / ratio), max(height, width * ratio)])
+    return 0.5 * (low + high) @ axes, toward, axes[1], np.array(
+        [max(width, height / ratio), max(height, width * ratio)])
 
 
 def fitted(picture: Picture) -> Picture:
@@ -228,7 +262,9 @@ def fitted(picture: Picture) -> Picture:
 
 
 def compose(picture: Picture, title: str) -> Figure:
-    """Return the figure: views below each other or in two columns, the scale and what is told below."""
+    """Return the figure: views below each other or in two columns, the scale and what is told
+    below.
+    """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.patches import Patch
@@ -237,7 +273,9 @@ def compose(picture: Picture, title: str) -> Figure:
     count, columns = len(picture.surfaces), min(2, len(picture.surfaces))
     views = [draw(picture, step, int(WIDTH / columns * DPI)) for step in range(count)]
     rows = -(-count // columns)
-    figure = new_figure(WIDTH, rows * (WIDTH / columns * views[0].shape[0] / views[0].shape[1] + 0.3) + 1.3)
+    figure = new_figure(WIDTH,
+                        rows * (WIDTH / columns * views[0].shape[0] / views[0].shape[1] + 0.3)
+                        + 1.3)
     figure.set_layout_engine("constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels:
@@ -246,13 +284,20 @@ def compose(picture: Picture, title: str) -> Figure:
         axes.imshow(view)
         axes.set_title(heading, fontsize=9)
     figure.suptitle(title + "\n", fontsize=12)
-    figure.text(0.5, 1 - 0.42 / figure.get_figheight(), "   ·   ".join(picture.told), ha="center", va="bottom", fontsize=8.5)
+    figure.text(0.5, 1 - 0.42 / figure.get_figheight(), "   ·   ".join(picture.told), ha="center",
+                va="bottom", fontsize=8.5)
     if picture.kinds:
         colours = picture.palette(range(len(picture.kinds)))
-        figure.legend(handles=[Patch(color=colour, label=name) for colour, name in zip(colours, picture.kinds)], title=picture.label,
-                      fontsize=8.5, frameon=False, loc="outside lower center", ncols=len(picture.kinds))
+        figure.legend(handles=[Patch(color=colour, label=name)
+                               for colour, name in zip(colours, picture.kinds)],
+                      title=picture.label,
+                      fontsize=8.5, frameon=False, loc="outside lower center",
+                      ncols=len(picture.kinds))
     else:
-        bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette), ax=panels.tolist(),
-                              location="bottom", extend="max" if picture.beyond else "neither", shrink=0.6, aspect=40, label=picture.label)
-        bar.set_ticks(np.linspace(*picture.limits, 5), labels=[short(value) for value in np.linspace(*picture.limits, 5)])
+        bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette),
+                              ax=panels.tolist(),
+                              location="bottom", extend="max" if picture.beyond else "neither",
+                              shrink=0.6, aspect=40, label=picture.label)
+        bar.set_ticks(np.linspace(*picture.limits, 5),
+                      labels=[short(value) for value in np.linspace(*picture.limits, 5)])
     return figure

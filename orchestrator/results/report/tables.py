@@ -26,8 +26,8 @@ EXTREME = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
 OF_BOLTS = ("force", "shear", "bending", "torsion", "shortening")
 # quantity, its formula, what it tells; measures of the laws follow
 QUANTITIES = [
-    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; "
-     "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge), γ what laws miss",
+    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; a "
+     "= ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge), γ what laws miss",
      "guaranteed upper bound, mostly an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / "
      "‖u_exact‖_K"),
     ("discretisation_error",

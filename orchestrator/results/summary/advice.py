@@ -1,6 +1,7 @@
 """Advice after a stop: the likely causes in this scene, with these settings, and their cures.
 
-What the stops mean is in ``monitors.ending``; the same table, for all scenes, is in docs/running.md.
+What the stops mean is in ``monitors.ending``; the same table, for all scenes, is in
+docs/running.md.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ class Stopped:
 
     @property
     def pace(self) -> float:
-        """Factor per iteration, of late, of what the tolerance is compared with; bonded, of the forces' imbalance."""
+        """Factor per iteration, of late, of what the tolerance is compared with; bonded, of the
+        forces' imbalance.
+        """
         name = "force_imbalance" if self.scene.bonded else "law_residual"
         values = [getattr(event, name) for event in self.iterated.history[-PACE - 1:]]
         if len(values) < 3 or not all(math.isfinite(v) and v > 0 for v in values):
@@ -54,7 +57,8 @@ class Stopped:
     def reached(self) -> float:
         """What the tolerance is compared with, as it is in the end; nan where it is not known."""
         last = self.iterated.last
-        return last.law_residual if last.target[0] == "law_residual" else self.iterated.bound.relative
+        return last.law_residual if last.target[
+            0] == "law_residual" else self.iterated.bound.relative
 
 
 def how_far(run: Stopped) -> Iterator[str]:
@@ -66,37 +70,44 @@ def how_far(run: Stopped) -> Iterator[str]:
     more, left = "", run.reached / last.tolerance
     if math.isfinite(left) and left > 1:
         more = f", about {math.ceil(math.log(left) / -math.log(pace))} more iterations at this pace"
-    yield (f"it was still getting better, by a factor of {1 / pace:.2g} per iteration{more}: --resume goes on from here, "
-           "--set method.max_iterations=… allows more")
+    yield (
+        f"it was still getting better, by a factor of {1 / pace:.2g} per iteration{more}: --resume "
+        "goes on from here, --set method.max_iterations=… allows more")
 
 
 def rounding(run: Stopped) -> Iterator[str]:
     """stagnated: double precision leaves no more."""
     reached = run.reached
-    wanted = f"method.tolerance.error={2 * reached:.0e} would be met" if math.isfinite(reached) and reached < 1 else \
+    wanted = f"method.tolerance.error={2 * reached:.0e} would be met" if math.isfinite(
+        reached) and reached < 1 else \
         "raise method.tolerance"
-    yield (f"the state changes by less than {ROUNDING:g} and what is left is rounding: {wanted}; less rounding comes with "
-           "moduli, sizes and displacements of the same order")
+    yield (
+        f"the state changes by less than {ROUNDING:g} and what is left is rounding: {wanted}; less "
+        "rounding comes with moduli, sizes and displacements of the same order")
 
 
 def standing(run: Stopped) -> Iterator[str]:
     """error bound stands still: laws hold, bodies that little holds keep it up."""
     reached = run.iterated.bound.relative
-    known = f"method.tolerance.error={1.1 * reached:.1e} would be met; " if math.isfinite(reached) and reached < 0.9 else ""
+    known = f"method.tolerance.error={1.1 * reached:.1e} would be met; " if math.isfinite(
+        reached) and reached < 0.9 else ""
     yield f"the laws hold much better than that: {known}method.tolerance.law={run.iterated.last.law_residual * 2:.0e} asks for these alone"
 
 
 def runaway(run: Stopped) -> Iterator[str]:
     """Displacements without limit."""
-    yield ("displacements grew without limit or are no numbers: look for bodies that are not held, and for loads or moduli "
-           "in other units than the rest")
+    yield (
+        "displacements grew without limit or are no numbers: look for bodies that are not held, "
+        "and for loads or moduli in other units than the rest")
 
 
 def settings(run: Stopped) -> Iterator[str]:
     """Advice where the method is not the default one, which was chosen to converge."""
     method, changed = run.method, []
-    for path in ("acceleration", "relaxation", "coarse", "memory", "macro.strategy", "macro.basis", "sole.kind",
-                 "sole.modulus_ratio", "sole.contact", "sole.contact_ratio", "search_direction.kplus"):
+    for path in ("acceleration", "relaxation", "coarse", "memory", "macro.strategy", "macro.basis",
+                 "sole.kind",
+                 "sole.modulus_ratio", "sole.contact", "sole.contact_ratio",
+                 "search_direction.kplus"):
         value, default = method, _DEFAULTS
         for key in path.split("."):
             value, default = getattr(value, key), getattr(default, key)
@@ -112,11 +123,13 @@ def matter(run: Stopped) -> Iterator[str]:
     poisson, young = max(m.poisson for m in used), [m.young for m in used]
     if poisson > LOCKING:
         element = "blackbox: {element: P2} and " if run.scene.mesh.cells.shape[1] == 4 else ""
-        yield (f"Poisson's ratio {poisson:g} slows convergence: {element}method: {{sole: {{kind: auto}}, macro: {{basis: "
-               "auto}}, as by default, take it into account")
+        yield (
+            f"Poisson's ratio {poisson:g} slows convergence: {element}method: {{sole: {{kind: "
+            f"auto}}, macro: {{basis: auto}}}}, as by default, take it into account")
     if max(young) > CONTRAST * min(young):
-        yield (f"moduli differ by {max(young) / min(young):.0e}: cut along the borders of the materials "
-               "(subdomains: {groups: true})")
+        yield (
+            f"moduli differ by {max(young) / min(young):.0e}: cut along the borders of the "
+            f"materials (subdomains: {{groups: true}})")
 
 
 def shape(run: Stopped) -> Iterator[str]:
@@ -125,8 +138,10 @@ def shape(run: Stopped) -> Iterator[str]:
     worst = float(difficulty(scene).slenderness[~scene.stand_ins].max(initial=1.0))
     if worst < SLENDER:
         return
-    yield (f"subdomains are up to {worst:.0f} times as long as thick, which slows convergence: cut so that they are "
-           f"about as thick as long and wide, as by subdomains: {{metis: {len(scene.subdomains)}}} or more")
+    yield (
+        f"subdomains are up to {worst:.0f} times as long as thick, which slows convergence: cut so "
+        f"that they are about as thick as long and wide, as by subdomains: {{metis: "
+        f"{len(scene.subdomains)}}} or more")
 
 
 def contact(run: Stopped) -> Iterator[str]:
@@ -136,8 +151,9 @@ def contact(run: Stopped) -> Iterator[str]:
     cautions = sorted({i.law.caution for i in run.scene.interfaces if i.law.caution})
     yield from (f"interfaces {caution}: lower it" for caution in cautions)
     if run.loose:
-        yield (f"{some(run.loose)} can move as a whole without resistance: hold them (a displacement, friction, law: elastic "
-               "with a small stiffness)")
+        yield (
+            f"{some(run.loose)} can move as a whole without resistance: hold them (a displacement, "
+            "friction, law: elastic with a small stiffness)")
     if run.scene.steps > 1 and any(i.law.has_history for i in run.scene.interfaces):
         yield "large load steps, whose order counts: smaller ones, or method.increment=1"
 
@@ -155,17 +171,21 @@ def springs(run: Stopped) -> Iterator[str]:
     if found is None:
         return
     names = list(dict.fromkeys(name for step in found.bodies for name in step))
-    yield (f"no limit load was found: forces that the laws allow balance every body; springs that hold {some(names or [found.most])} still "
-           f"carry {found.force:.1e} of the largest contact force")
+    yield (
+        "no limit load was found: forces that the laws allow balance every body; springs that hold "
+        f"{some(names or [found.most])} still carry {found.force:.1e} of the largest contact force")
     if asked != "auto":
-        yield (f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: lower it in proportion, or "
-               "method.contact.stabilisation=auto")
+        yield (
+            f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: "
+            "lower it in proportion, or method.contact.stabilisation=auto")
     if run.scene.steps > 1:
         yield "what friction holds may depend on the way there: smaller load steps, or method.increment=1"
 
 
 def limit(run: Stopped) -> Iterator[str]:
-    """No forces balance the loads: a sentence for the first load step of all in which the same bodies move."""
+    """No forces balance the loads: a sentence for the first load step of all in which the same
+    bodies move.
+    """
     alike: dict[tuple[str, ...], list] = {}
     for found in run.iterated.found.get("limit_load", []):
         alike.setdefault(tuple(sorted(motion.body for motion in found.motions)), []).append(found)
@@ -207,4 +227,5 @@ def advice(run: Stopped) -> list[str]:
     if run.iterated.converged:
         return []
     reason = run.iterated.stop_reason
-    return [sentence for name, causes in CAUSES.items() if reason.startswith(name) for cause in causes for sentence in cause(run)]
+    return [sentence for name, causes in CAUSES.items() if reason.startswith(name)
+            for cause in causes for sentence in cause(run)]

@@ -1,7 +1,7 @@
 """Faces in contact in the summary, and from which load on they slip.
 
-That load is between those of two steps; where two steps before it tell how much of friction is used as the load grows, a straight line
-through them tells where, see ``delivery.faces``.
+That load is between those of two steps; where two steps before it tell how much of friction is used
+as the load grows, a straight line through them tells where, see ``delivery.faces``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ def contact_faces(
 ) -> list[dict[str, Any]]:
     """For each face its names, lists over the load steps, and where it slips, see ``slip_load``.
 
-    names, reactions : (E,), (E, T, 6) of the entries of ``boundary``, forces and moments about the origin
+    names, reactions : (E,), (E, T, 6) of the entries of ``boundary``, forces and moments about the
+        origin
     """
     opening = scene.opening
     pressed = [
@@ -61,14 +62,16 @@ def slip_load(
     names: Sequence[str],
     reactions: np.ndarray,
 ) -> dict[str, Any]:
-    """Load step (from 1) from which on a face slips; the load at that step and the one before, and where between, if known.
+    """Load step (from 1) from which on a face slips; the load at that step and the one before, and
+    where between, if known.
 
-    The load is the resultant of the entries of ``boundary`` that change then (of supports that move, if no load does): the force in the
-    direction in which it changes along the face or, where it is a couple alone, the moment about the face's normal (``of``: force or
-    moment). It is null where none changes, ``at`` also where no two steps before that one tell how ``used`` grows.
+    The load is the resultant of the entries of ``boundary`` that change then (of supports that
+    move, if no load does): the force in the direction in which it changes along the face or, where
+    it is a couple alone, the moment about the face's normal (``of``: force or moment). It is null
+    where none changes, ``at`` also where no two steps before that one tell how ``used`` grows.
 
-    slipping, used : (T,) of the face, nan where it is not pressed yet; normal : (3,) of its plane, 0
-        where it is none; names, reactions : as for ``contact_faces``
+    slipping, used : (T,) of the face, nan where it is not pressed yet; normal : (3,) of its plane,
+        0 where it is none; names, reactions : as for ``contact_faces``
     """
     step = int(np.argmax(slipping))
     result = {"step": step + 1, "on": None, "of": "force", "before": None, "load": None, "at": None}

@@ -29,12 +29,14 @@ from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
-# What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
+# What is right only where answers are linear in the forces; the elastic problems that correct
+# iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
 MOST_SHARES = 20  # bodies, and interfaces, of which a share of the error is told
 
 
-def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float, exact: Reference | None,
+def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float,
+              exact: Reference | None,
               ranks: Sequence[Spent], watch: Stopwatch) -> dict[str, object]:
     """The content of summary.json, where numbers may be numpy's, nan and infinite.
 
@@ -43,48 +45,72 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     ranks : what each rank has spent
     """
     iterated, estimated = delivered.iterated, delivered.discretisation
-    last, contact, met = iterated.last, _contact(scene, delivered, reaction_names(config)), delivered.contact
+    last, contact, met = iterated.last, _contact(scene, delivered,
+                                                 reaction_names(config)), delivered.contact
     spent = total(ranks, scene)
-    own, foreign = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"] if entry["own_matter"])), []
+    own, foreign = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"]
+                                      if entry["own_matter"])), []
     if own:
-        foreign, estimated = [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its "
-            "own: there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "
-            "meant: nothing shows that it is"], None
-    loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
-    flowing = [s.name for s in scene.subdomains if s.remembers]  # each was asked once an iteration, and at each load step's end once more
+        foreign, estimated = [
+            "stresses and the estimated error of the mesh are those of the YAML's moduli; the "
+            f"matter of {some(own)} is its own: there they are not to be believed, displacements "
+            "and forces are, if that matter, its units included, is the one that is meant: nothing "
+            "shows that it is"], None
+    loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ())
+                    for name in names})
+    # each was asked once an iteration, and at each load step's end once more
+    flowing = [s.name for s in scene.subdomains if s.remembers]
     nonlinear: dict[str, object] = {"nonlinear": {
-        "subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps), "off": OFF}} if flowing else {}
+        "subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps),
+        "off": OFF}} if flowing else {}
     factor, kind = getattr(iterated.bound, "factor", 1.0), None
     if math.isfinite(iterated.bound.relative):
         kind = "guaranteed" if getattr(iterated.bound, "guaranteed", True) else "estimated"
-    summary = {"name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
-        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes], met and met.stabilised)),
-        "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration, scene.bonded and not nonlinear).title,
-        "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
-        "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
+    summary = {"name": config.name, "converged": iterated.converged,
+               "stop_reason": iterated.stop_reason,
+               "advice": advice(Stopped(scene, config.method, iterated, loose,
+                                 [code.code for code in config.codes], met and met.stabilised)),
+               "iterations": iterated.iterations,
+               "acceleration": algorithm(config.method.acceleration,
+                                         scene.bonded and not nonlinear).title,
+               "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps,
+                   "total": setup_sweeps + iterated.sweeps},
+               "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
+               "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": kind,
-        "error_factor": factor if kind == "guaranteed" and factor > 1 else None,  # by which friction has multiplied it
+        # by which friction has multiplied it
+               "error_factor": factor if kind == "guaranteed" and factor > 1 else None,
         "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
-        "true_error": exact.relative_error(delivered.displacement) if exact else None,
-        "discretisation_error": estimated and estimated.relative,
-        "tolerance": last.tolerance,
-        "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
-        | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
-        "places": asdict(met.places) if met and met.places else None,
-        **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
+               "true_error": exact.relative_error(delivered.displacement) if exact else None,
+               "discretisation_error": estimated and estimated.relative,
+               "tolerance": last.tolerance,
+               "residuals": {name: getattr(last, name)
+                      for name in ("displacement_jump", "force_imbalance", "residual",
+                                   "macro_imbalance")}
+               | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met
+               and met.stabilised else None,
+               "places": asdict(met.places) if met and met.places else None,
+               **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
-        "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
-        "reactions": delivered.reactions[:, :, :3].tolist(),
-        **contact,
-        "tools": [{"name": one.tool.name, "about": one.tool.driven.about.tolist(), "displacement": one.moved[:, :3].tolist(),
+               "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
+               "reactions": delivered.reactions[:, :, :3].tolist(),
+               **contact,
+               "tools": [{"name": one.tool.name, "about": one.tool.driven.about.tolist(),
+                   "displacement": one.moved[:, :3].tolist(),
                    "rotation": np.degrees(one.moved[:, 3:]).tolist()} for one in delivered.tools],
-        "load_path": [found | {"sentence": path_sentence(found)} for found in iterated.found.get("path", [])],
-        "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
-        "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
-        "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
-        + cautions(scene, delivered.sides or delivered.parts, delivered.met, contact.get("detached", ()),
-                   estimated and estimated.relative, delivered.moved) + [*tool_cautions(delivered.tools)],
-        **spent, "config": config.complete()}
+               "load_path": [found | {"sentence": path_sentence(found)}
+                      for found in iterated.found.get("path", [])],
+               "limit_load": [asdict(found) | {"sentence": str(found)}
+                       for found in iterated.found.get("limit_load", [])],
+               "far_bodies": [asdict(body) | {"sentence": str(body)}
+                       for body in iterated.found.get("far_bodies", [])],
+               "warnings": stabilisation_cautions(config.method) + foreign
+               + sentences(iterated.found.get("far_bodies", []))
+               + cautions(scene, delivered.sides or delivered.parts, delivered.met,
+                   contact.get("detached", ()),
+                   estimated and estimated.relative, delivered.moved)
+               + [*tool_cautions(delivered.tools)],
+               **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
 
@@ -99,35 +125,48 @@ def problem_size(scene: Scene) -> dict[str, int]:
 
 
 def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
-    """Seconds of all stages so far, and this rank's memory; to be noted again when more has been done."""
-    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+    """Seconds of all stages so far, and this rank's memory; to be noted again when more has been
+    done.
+    """
+    summary["timing"] = {"total": watch.total, **watch.seconds,
+                         "blackbox": summary["timing"].get("blackbox", {})}
     if summary.get("rank_memory_peak_mb"):
         summary["rank_memory_peak_mb"][0] = memory_peak_mb()
     # what is left when no code is at work; the reference is neither's
-    summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
+    summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get(
+        "reference", 0.0)
 
 
 def _shares(found: Shares | None) -> dict[str, object] | None:
     """The largest shares of the error, and every body's own beside its own energy."""
-    first = found and {key: dict(islice(getattr(found, key).items(), MOST_SHARES)) for key in ("bodies", "interfaces")}
+    first = found and {key: dict(islice(getattr(found, key).items(), MOST_SHARES))
+                       for key in ("bodies", "interfaces")}
     return first and {"load_step": found.step + 1, **first, "own": found.own}
 
 
 def _backward(found: Backward | None) -> dict[str, object] | None:
-    """Largest shift of surfaces for which the result would be exact, in all load steps and in each; None where that is not known."""
+    """Largest shift of surfaces for which the result would be exact, in all load steps and in each;
+    None where that is not known.
+    """
     each = found and {"normal": found.normal.tolist(), "tangential": found.tangential.tolist()}
     return each and {name: max(steps) for name, steps in each.items()} | {"load_steps": each}
 
 
 def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object]:
-    """State of interfaces that are not perfect; empty where all are; ``names``: of the entries of ``boundary``."""
+    """State of interfaces that are not perfect; empty where all are; ``names``: of the entries of
+    ``boundary``.
+    """
     if (met := delivered.met) is None:
         return {}
     bound, unbalanced = delivered.iterated.bound, {}
-    if isinstance(bound, Certified):  # else it is not known which no forces hold that the laws allow
-        unbalanced["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.pair.unbalanced]
+    # else it is not known which no forces hold that the laws allow
+    if isinstance(bound, Certified):
+        unbalanced["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose]
+                                    for step in bound.pair.unbalanced]
     return {"status_counts": met.counts, "interface_resultants": [
-            {"name": i.name, "subdomains": [scene.subdomains[e].name for e in i.subdomains], "law": i.law.name, "resultant": force}
+            {"name": i.name, "subdomains": [scene.subdomains[e].name for e in i.subdomains],
+             "law": i.law.name, "resultant": force}
             for i, force in zip(scene.opening, met.resultant.tolist())],
-        "detached": met.detached, "weakly_held": met.weakly_held, **unbalanced,
-        "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions), **({"bolts": met.bolts} if scene.bolts else {})}
+            "detached": met.detached, "weakly_held": met.weakly_held, **unbalanced,
+            "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions),
+            **({"bolts": met.bolts} if scene.bolts else {})}

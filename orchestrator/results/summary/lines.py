@@ -1,8 +1,8 @@
 """The lines of a summary: one template, read by the terminal and by the report.
 
-A line has a label and a text, in which fields of summary.json stand in braces: numbers of each load step are those of the last one.
-A text is there where all its fields are known; what stands in ‹ › goes where one of its own is not. What takes more than a format is
-in ``sentences``.
+A line has a label and a text, in which fields of summary.json stand in braces: numbers of each load
+step are those of the last one. A text is there where all its fields are known; what stands in ‹ ›
+goes where one of its own is not. What takes more than a format is in ``sentences``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class SummaryLine:
 
     label : what stands before it
     told : the text with its fields, or what makes one or several of a summary
-    each : a key of the summary: a text for each entry of what is there, of which the fields are then
+    each : a key of the summary: a text for each entry of what is there, of which the fields are
+        then
     brief : whether it is told where not all is asked for
     """
 
@@ -47,14 +48,19 @@ LINES = (
     SummaryLine("verdict", verdict),
     SummaryLine("what to do", "{}", "advice"),
     SummaryLine("bolts", "{name}: axial {force:.5g}{unit[force]}‹, shear {shear:.4g}{unit[force]}, "
-        "bending {bending:.4g}{unit[moment]}›, {state}",
-        "bolts"),
-    SummaryLine("tightening", "{name}: shortened by {shortening:.4g}{unit[length]}", "bolts", False),
-    SummaryLine("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}"
-        "‹ of {peak_stress[part]}›‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh "
-        "it grows as h^-{peak_stress[grows]:.2f}, h the size of elements there, without limit›"),
-    SummaryLine("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}"
-        "‹ of {peak_displacement[part]}›‹, load step {peak_displacement[load_step]} of {many}›)"),
+                "bending {bending:.4g}{unit[moment]}›, {state}",
+                "bolts"),
+    SummaryLine("tightening", "{name}: shortened by {shortening:.4g}{unit[length]}", "bolts",
+                False),
+    SummaryLine("peak stress",
+                "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}‹ of "
+                "{peak_stress[part]}›‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: "
+                "from mesh to mesh it grows as h^-{peak_stress[grows]:.2f}, h the size of elements "
+                "there, without limit›"),
+    SummaryLine("peak displ.",
+                "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}‹ of "
+                "{peak_displacement[part]}›‹, load step {peak_displacement[load_step]} of "
+                "{many}›)"),
     SummaryLine("reactions", lambda summary: sentences.forces(summary, "support")),
     SummaryLine("loads", lambda summary: sentences.forces(summary, "load")),
     SummaryLine("interfaces", sentences.statuses),
@@ -82,7 +88,8 @@ LINES = (
         "‹; tolerance {auto:.2e}, {fraction:g} of it›"),
     SummaryLine("accuracy",
         "{accuracy[reached]:.2%} reached‹, {accuracy[asked]:.2%} asked›, energy norm, of mesh and "
-        "iterations together; the last mesh of {mesh[elements]:,} elements; the mesh's error is {mesh[checked]}"),
+        "iterations together; the last mesh of {mesh[elements]:,} elements; the mesh's error is "
+        "{mesh[checked]}"),
     SummaryLine("off by", sentences.off_by),
     SummaryLine("load path", "{sentence}", "load_path", False),
     SummaryLine("nonlinear",
@@ -93,11 +100,13 @@ LINES = (
     SummaryLine("warning", "{}", "warnings"),
     SummaryLine("size", sentences.size),
     SummaryLine("time", "{timing[total]:.2f} s"),
-    SummaryLine("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step", brief=False),
+    SummaryLine("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step",
+                brief=False),
     SummaryLine("element", "{element}", brief=False),
     SummaryLine("stages", sentences.stages, brief=False),
     SummaryLine("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
-    SummaryLine("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests", brief=False),
+    SummaryLine("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests",
+                brief=False),
     SummaryLine("skipped", "{saved}  ({skip})", "skipped", False),
     SummaryLine("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False),
 )
@@ -121,7 +130,9 @@ class _Fields(Formatter):
 
 
 def filled(template: str, fields: Mapping[str, object], *told: object) -> str:
-    """Return a template with its fields filled in, see above; empty where one outside of ‹ › is not known."""
+    """Return a template with its fields filled in, see above; empty where one outside of ‹ › is not
+    known.
+    """
     texts = []
     for place, piece in enumerate(re.split("[‹›]", template)):
         try:

@@ -1,4 +1,6 @@
-"""The verdict on a bolted or clamped structure: what slips and from which load on, what bears, what bolts lose."""
+"""The verdict on a bolted or clamped structure: what slips and from which load on, what bears, what
+bolts lose.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +98,9 @@ def _used(face: Face, unit: str) -> tuple[float, str]:
 
 
 def _bearing(faces: Sequence[Face], unit: str, tolerance: float) -> list[str]:
-    """Shanks that have come to bear; what is within the tolerance of the largest force is nothing."""
+    """Shanks that have come to bear; what is within the tolerance of the largest force is
+    nothing.
+    """
     bores = [face for face in faces if face["kind"] == "bore"]
     least = tolerance * max((max(face["normal"]) for face in faces), default=0.0)
 
@@ -133,7 +137,9 @@ def _loosened(bolts: Sequence[Mapping[str, object]], unit: str) -> list[str]:
 
 
 def _slips(face: Face, units: Mapping[str, str]) -> str:
-    """From which load on a face slips, and what it could hold beyond: all of it has slipped then."""
+    """From which load on a face slips, and what it could hold beyond: all of it has slipped
+    then.
+    """
     slips, used = face["slips"], round(100 * face["used"][face["slips"]["step"] - 1])
     unit, load = units[slips.get("of") or "force"], ""
     if slips["load"] is not None:

@@ -1,7 +1,8 @@
-"""Workload: who did what, who waited, and what all have used; stages of ranks and seconds of workers, as in the paper's tables 3 and 4.
+"""Workload: who did what, who waited, and what all have used; stages of ranks and seconds of
+workers, as in the paper's tables 3 and 4.
 
-A record is plain data. Rows carry the rank they were measured on, so that those of several ranks are joined by
-putting their lists one after the other (``joined``).
+A record is plain data. Rows carry the rank they were measured on, so that those of several ranks
+are joined by putting their lists one after the other (``joined``).
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ class Workload:
     usage, watch : what is observed: the black box's workers, and the stages
     team : the ranks; what this one waits for others is part of its stages
 
-    A rank is idle while it waits for others: its codes have nothing to do either. Peak memory is that of the rank's own process since it was
-    started, at the end of the period; its CPU seconds are those of all its threads, the codes' not among them.
+    A rank is idle while it waits for others: its codes have nothing to do either. Peak memory is
+    that of the rank's own process since it was started, at the end of the period; its CPU seconds
+    are those of all its threads, the codes' not among them.
     """
 
     def __init__(self, usage: Usage, watch: Stopwatch, team: Team = ALONE):
@@ -48,41 +50,54 @@ class Workload:
         (begin, cpu, waited, messages, sent, reductions), stages, workers = then
         now, rank = self._then[0], self.team.rank
         wall, waited = now[0] - begin, now[2] - waited
-        spent = {name: [late - early for late, early in zip(measured, stages.get(name, (0.0, 0, 0.0)))]
+        spent = {
+            name: [late - early for late, early in zip(measured, stages.get(name, (0.0, 0, 0.0)))]
                  for name, measured in self._then[1].items()}
         self.record[period] = {"seconds": wall,
-            "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
+            "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds,
+                        "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
-            "workers": [{"rank": rank, **own, "seconds": took, "idle_share": (own["waiting"] + own["idle"]) / took if took else 0.0}
-                        for late, early in zip(self._then[2], workers) for own in [since(late, early)]
+            "workers": [{"rank": rank, **own, "seconds": took,
+                         "idle_share": (own["waiting"] + own["idle"]) / took if took else 0.0}
+                        for late, early in zip(self._then[2], workers)
+                        for own in [since(late, early)]
                         for took in [sum(own[clock] for clock in CLOCKS)]],
-            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "idle_share": waited / wall,
-                       "messages": now[3] - messages, "reductions": now[5] - reductions, "bytes": now[4] - sent,
+            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited,
+                       "idle_share": waited / wall,
+                       "messages": now[3] - messages, "reductions": now[5] - reductions,
+                       "bytes": now[4] - sent,
                        "memory_peak_mb": memory_peak_mb()}]}
 
     def _now(self) -> tuple[tuple, dict[str, tuple[float, int, float]], list[Activity]]:
-        """Clocks and what the ranks have exchanged; per stage seconds, calls and waiting; what workers have done."""
+        """Clocks and what the ranks have exchanged; per stage seconds, calls and waiting; what
+        workers have done.
+        """
         watch, team = self.watch, self.team
-        return ((time.perf_counter(), time.process_time(), team.waited, team.messages, team.bytes, team.reductions),
-                {name: (watch.seconds[name], watch.calls[name], watch.waiting[name]) for name in list(watch.seconds)},
+        return ((time.perf_counter(), time.process_time(), team.waited, team.messages, team.bytes,
+                 team.reductions),
+                {name: (watch.seconds[name], watch.calls[name], watch.waiting[name])
+                 for name in list(watch.seconds)},
                 self.usage.activity())
 
 
 def joined(records: Sequence[Record]) -> Record:
     """The records of all ranks as one; a period lasts as long as on the slowest rank."""
     return {period: {"seconds": max(r[period]["seconds"] for r in records),
-                     **{table: [row for r in records for row in r[period][table]] for table in _TABLES}} for period in records[0]}
+                     **{table: [row for r in records for row in r[period][table]]
+                        for table in _TABLES}} for period in records[0]}
 
 
 def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
     """One entry per code (as ``Usage.codes``, under the code's number) from those of every rank."""
     result: dict[int, dict] = {}
-    for number, entry in sorted((item for codes in ranks for item in codes.items()), key=lambda item: item[0]):
+    for number, entry in sorted((item for codes in ranks for item in codes.items()),
+                                key=lambda item: item[0]):
         known = result.setdefault(number, {**entry, "models": 0, "workers": 0, "compliances": [],
                                            "seconds": dict.fromkeys(entry["seconds"], 0.0)})
         for key in ("models", "workers", "compliances"):
             known[key] = known[key] + entry[key]
-        known["seconds"] = {kind: known["seconds"][kind] + spent for kind, spent in entry["seconds"].items()}
+        known["seconds"] = {kind: known["seconds"][kind] + spent
+                            for kind, spent in entry["seconds"].items()}
     return result
 
 
@@ -109,16 +124,19 @@ class Spent:
     savings: Savings
 
     @classmethod
-    def of(cls, usage: Usage, numbers: Sequence[int], workload: Record, workers: int, savings: Savings,
+    def of(cls, usage: Usage, numbers: Sequence[int], workload: Record, workers: int,
+           savings: Savings,
            for_reference: float = 0.0) -> Spent:
         """This rank's, so far.
 
         usage : what its black box has taken
         numbers : of the black box's codes in the configuration
-        for_reference : seconds that it was asked for the true error, which are no part of the solution's
+        for_reference : seconds that it was asked for the true error, which are no part of the
+            solution's
         """
         own = memory_peak_mb()
-        return cls(usage.clock(), usage.memory_peak_mb() + own, own, dict(zip(numbers, usage.codes())),
+        return cls(usage.clock(), usage.memory_peak_mb() + own, own,
+                   dict(zip(numbers, usage.codes())),
                    usage.asked - for_reference, workload, workers, savings)
 
 
@@ -127,9 +145,13 @@ def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
     codes = codes_of_all([rank.codes for rank in ranks])
     for number, entry in codes.items():
         entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]
-    return {"timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks) for work in ranks[0].clock}},
+    return {
+        "timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks)
+                                for work in ranks[0].clock}},
         "asking_seconds": max(rank.asked for rank in ranks), "codes": list(codes.values()),
         "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
-        "workload": joined([rank.workload for rank in ranks]), "workers": sum(rank.workers for rank in ranks),
-        "memory_peak_mb": sum(rank.memory_mb for rank in ranks), "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
+        "workload": joined([rank.workload for rank in ranks]),
+        "workers": sum(rank.workers for rank in ranks),
+        "memory_peak_mb": sum(rank.memory_mb for rank in ranks),
+        "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
         "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks)}

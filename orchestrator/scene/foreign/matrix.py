@@ -188,8 +188,8 @@ def condensed(part: MatrixPart, path: KeyPath, name: str, steps: int,
         raise wrong((*path, "stiffness"),
                     f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
                     f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node "
-                    "of the table", "write the table of just the matrix's nodes, in its "
-                    "order; condense rotations of shells and beams out of it")
+                    "of the table", "write the table of just the matrix's nodes, in its order; "
+                    "condense rotations of shells and beams out of it")
     loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(
         part, ids, steps, path, name)
     apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)

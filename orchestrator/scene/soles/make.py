@@ -24,8 +24,10 @@ HALVINGS = 3
 FLATNESS = 0.1
 
 
-def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None, share: bool = True) -> list[tuple[Sole, Sole] | None]:
-    """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
+def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None,
+               share: bool = True) -> list[tuple[Sole, Sole] | None]:
+    """The soles of every interface, first and second side, after ``method.sole`` of the
+    configuration.
 
     wanted : per interface; the others get none
     share : layers on facets that are equal up to a translation are made once
@@ -36,33 +38,43 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None, sha
     for index, interface in enumerate(scene.interfaces):
         if wanted is not None and not wanted[index]:
             continue
-        kind = settings.contact if not interface.law.perfect else kind_for(hard, interface) if hard else settings.kind
-        kind = kind if len(interface.triangles) else "overlap"  # of nodes alone, where there are no facets to put a layer on
+        kind = settings.contact if not interface.law.perfect else kind_for(
+            hard, interface) if hard else settings.kind
+        # of nodes alone, where there are no facets to put a layer on
+        kind = kind if len(interface.triangles) else "overlap"
         paired = interface.paired
-        together = paired and np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
+        together = paired and np.array_equal(*(scene.side_nodes(interface, side)
+                                               for side in (0, 1)))
         if kind == "overlap" and together:
             soles[index] = overlap(scene, interface, settings.modulus_ratio)
             continue
         kind = "symmetric" if kind == "overlap" else kind
         # of one side for both where they lie upon each other
-        upon = together or paired and np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
-        layers[index] = kind, [facets_of(scene, interface, settings, kind, side) for side in ((0,) if upon else (0, 1))]
+        upon = together or paired and np.array_equal(
+            *(scene.side_points(interface, side) for side in (0, 1)))
+        layers[index] = kind, [facets_of(scene, interface, settings, kind, side)
+                               for side in ((0,) if upon else (0, 1))]
     of = list(layers)
     for index, first in zip(of, _first_alike(list(layers.values())) if share else range(len(of))):
         kind, (one, *two) = layers[index]
         if of[first] == index:
             soles[index] = soles_of(one, kind, *two)
         else:
-            soles[index] = _elsewhere(soles[of[first]], one.points[0] - layers[of[first]][1][0].points[0])
+            soles[index] = _elsewhere(soles[of[first]],
+                                      one.points[0] - layers[of[first]][1][0].points[0])
     return soles
 
 
 def _first_alike(layers: Sequence[tuple[str, list[Facets]]]) -> list[int]:
-    """For each layer the first one that it equals but for a translation: itself if there is none before."""
+    """For each layer the first one that it equals but for a translation: itself if there is none
+    before.
+    """
     def key(kind: str, sides: list[Facets]) -> tuple:
-        return kind, *((len(f.points), *(x.tobytes() for x in (f.triangles, f.young, f.poisson))) for f in sides)
+        return kind, *((len(f.points), *(x.tobytes() for x in (f.triangles, f.young, f.poisson)))
+                       for f in sides)
 
-    return first_congruent((key(*layer) for layer in layers), [np.concatenate([f.points for f in sides]) for _, sides in layers],
+    return first_congruent((key(*layer) for layer in layers),
+                           [np.concatenate([f.points for f in sides]) for _, sides in layers],
                            lambda i: np.concatenate([f.thickness for f in layers[i][1]])).tolist()
 
 
@@ -90,7 +102,8 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
     both = []
     for f in [facets] if second is None else [facets, second]:
         one, two = (prisms(f, direction) for direction in (+1, -1))
-        both.append(merge(replace(one, young=one.young / 2), replace(two, young=two.young / 2), len(f.points)))
+        both.append(merge(replace(one, young=one.young / 2), replace(two, young=two.young / 2),
+                          len(f.points)))
     return both[0], both[-1]
 
 
@@ -101,8 +114,8 @@ def prisms(facets: Facets, direction: int) -> Sole:
     direction : +1 outward of the first side, −1 outward of the second
 
     Neighbouring prisms agree on the diagonal of their common face because both sort its nodes, by
-    position rather than by number: renumbering the mesh then changes nothing. Where the thickness must
-    shrink, the modulus shrinks with it: E/thickness is what counts.
+    position rather than by number: renumbering the mesh then changes nothing. Where the thickness
+    must shrink, the modulus shrinks with it: E/thickness is what counts.
     """
     n = len(facets.points)
     triangles, odd = split(facets.triangles[:, :3], position_rank(facets.points))
@@ -111,7 +124,8 @@ def prisms(facets: Facets, direction: int) -> Sole:
     thickness = facets.thickness.copy()
     for attempt in range(HALVINGS + 1):
         points = facets.points + direction * thickness[:, None] * facets.normals
-        bad = ~_sound(facets.points, points, triangles, turn, area * thickness[triangles].mean(1) / 3)
+        bad = ~_sound(facets.points, points, triangles, turn,
+                      area * thickness[triangles].mean(1) / 3)
         if not bad.any() or attempt == HALVINGS:
             break
         thickness[np.unique(triangles[bad])] *= 0.5
@@ -132,24 +146,32 @@ def prisms(facets: Facets, direction: int) -> Sole:
     points = points[used - n]
     if facets.triangles.shape[1] == 6:
         points, cells = with_middles(facets.points, lines_of(facets.triangles), points, cells)
-    return Sole(points=points, cells=cells, young=np.repeat(facets.young * achieved / wanted, 3), poisson=np.repeat(facets.poisson, 3))
+    return Sole(points=points, cells=cells, young=np.repeat(facets.young * achieved / wanted, 3),
+                poisson=np.repeat(facets.poisson, 3))
 
 
 def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, and (k,) −1 where that turns a facet over, else 1."""
+    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, and (k,) −1 where that turns
+    a facet over, else 1.
+    """
     order = np.argsort(rank[corners], axis=1)
     # an odd permutation has an inversion count of 1 or 3
-    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
+    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2])
+           + (order[:, 1] > order[:, 2])) % 2
     return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0)
 
 
 def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
-    """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the corners."""
+    """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the
+    corners.
+    """
     (a, b, c), (a1, b1, c1) = inner.T, outer.T
-    return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
+    return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1),
+                     np.stack([a, a1, b1, c1], 1)], 1)
 
 
-def _sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
+def _sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray,
+           share: np.ndarray) -> np.ndarray:
     """(k,) bool, whether no tet of a prism is flat, or turned over.
 
     points, outer : (n, 3) nodes of the facets (k, 3), and those behind them

@@ -1,25 +1,29 @@
-"""Soles made of the neighbours' own elements, for matter or meshes that a layer of prisms imitates badly; where these are.
+"""Soles made of the neighbours' own elements, for matter or meshes that a layer of prisms imitates
+badly; where these are.
 
-The first row of elements of both sides is copied and clamped behind: most of the modulus is the other side's, which the sole stands
-for, ``OWN`` of it one's own. What the sole feels at a node is then a share of what the elements there feel, whatever their matter,
-their shape and their order along the interface: with stiff and soft cells side by side (contrast 1:1000)
-a sole that follows the facets alone misses the stiff cells that touch the interface by an edge.
-The Schur complement of a subdomain never exceeds its own first row clamped behind, so that with modulus
-ratio r and at most n interfaces meeting in an element S ≤ n / (OWN r) k, whatever the contrast: there is
-nothing that the sole is too soft for.
+The first row of elements of both sides is copied and clamped behind: most of the modulus is the
+other side's, which the sole stands for, ``OWN`` of it one's own. What the sole feels at a node is
+then a share of what the elements there feel, whatever their matter, their shape and their order
+along the interface: with stiff and soft cells side by side (contrast 1:1000) a sole that follows
+the facets alone misses the stiff cells that touch the interface by an edge. The Schur complement of
+a subdomain never exceeds its own first row clamped behind, so that with modulus ratio r and at most
+n interfaces meeting in an element S ≤ n / (OWN r) k, whatever the contrast: there is nothing that
+the sole is too soft for.
 
-With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
-whose middle is not a trace. There are two copies then, of half the modulus: in each, one end of
-the edge is a node of its own, clamped.
+With ten-node tets an element may join two nodes of the interface by an edge that is on none of its
+faces, whose middle is not a trace. There are two copies then, of half the modulus: in each, one end
+of the edge is a node of its own, clamped.
 
-A copy of nearly incompressible matter, clamped behind, resists by its bulk modulus what the subdomain itself, free to flow,
-resists by its shear modulus alone. Of two such extremes the best search direction is the geometric mean, as for Robin conditions
-between any two ends of a spectrum: λ' = √(λ μ) in the copy. Soft modes are fewer then, and what they cost. Four-node tets
-cannot flow without changing their volumes: their copies keep their bulk modulus.
+A copy of nearly incompressible matter, clamped behind, resists by its bulk modulus what the
+subdomain itself, free to flow, resists by its shear modulus alone. Of two such extremes the best
+search direction is the geometric mean, as for Robin conditions between any two ends of a spectrum:
+λ' = √(λ μ) in the copy. Soft modes are fewer then, and what they cost. Four-node tets cannot flow
+without changing their volumes: their copies keep their bulk modulus.
 
-Affine macro functions and soles that follow the facets serve compact subdomains of one matter. They fail where a subdomain has
-soft ways to move that are not affine on its interfaces: where stiff and soft cells are mixed, where the matter is nearly
-incompressible, where the subdomain is slender or flat (``difficulty``).
+Affine macro functions and soles that follow the facets serve compact subdomains of one matter. They
+fail where a subdomain has soft ways to move that are not affine on its interfaces: where stiff and
+soft cells are mixed, where the matter is nearly incompressible, where the subdomain is slender or
+flat (``difficulty``).
 """
 
 from __future__ import annotations
@@ -35,14 +39,18 @@ from orchestrator.scene.overview import Difficulty
 from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE
 
-# Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000 brick by brick, 64 subdomains: 40, 32,
-# 33; 125 of them: 100, 81, 92; ν = .499, ten-node tets: 64, 64, 71; four-node tets, 8 cubes: 18, 19, 41.
+# Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000
+# brick by brick, 64 subdomains: 40, 32,
+# 33; 125 of them: 100, 81, 92; ν = .499, ten-node tets: 64, 64, 71; four-node tets, 8 cubes: 18,
+# 19, 41.
 OWN = 0.2
-SETS = (np.arange(16)[:, None] >> np.arange(4)) % 2 == 1  # (16, 4) bool, all sets of a tet's corners
+# (16, 4) bool, all sets of a tet's corners
+SETS = (np.arange(16)[:, None] >> np.arange(4)) % 2 == 1
 
 
 def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sole]:
-    """The soles of both sides of an interface whose sides share their nodes: they differ in their moduli alone.
+    """The soles of both sides of an interface whose sides share their nodes: they differ in their
+    moduli alone.
 
     ratio : ``method.sole.modulus_ratio``, dealt out to the copies of either side's elements
     """
@@ -73,7 +81,8 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
         own = own[((own >= 0) & (own < len(inner))).all(axis=1)]
         points, cells, origin = _without_chords(inner, own, points, cells, sides)
         points, cells = with_middles(inner, own, points, cells)
-        sides, young, poisson = sides[origin], (young / np.bincount(origin))[origin], poisson[origin]
+        sides, young, poisson = sides[origin], (young
+                                                / np.bincount(origin))[origin], poisson[origin]
         poisson = np.where(poisson > INCOMPRESSIBLE, between(poisson), poisson)
     return tuple(Sole(points, cells, ratio * np.where(sides == side, OWN, 1 - OWN) * young, poisson)
                  for side in (0, 1))
@@ -81,7 +90,8 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
 
 def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray,
                     sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points and cells (c, 4) whose edges between nodes of the interface all have their middles
+    """Return points and cells (c, 4) whose edges between nodes of the interface all have their
+    middles
     among its nodes, and (c,) of which cell each is a copy.
 
     An element has a copy for each largest set of its corners without a chord; the other corners are
@@ -106,7 +116,9 @@ def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, ce
 
 
 def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
-    """(r,) int, which of the cells of a side's subdomain touch an interface, be it in a single node."""
+    """(r,) int, which of the cells of a side's subdomain touch an interface, be it in a single
+    node.
+    """
     subdomain = scene.subdomains[interface.subdomains[side]]
     on = np.zeros(len(subdomain.nodes), dtype=bool)
     on[interface.nodes[side]] = True
@@ -116,8 +128,10 @@ def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
 CONTRAST = 10.0  # of moduli in one side's first row of cells
 SLENDER = 10.0  # largest over smallest extent
 SLACK = 1e-6
-# Copies of nearly incompressible ten-node tets resist by √(λ μ), so that √(μ/λ) of it is what the softest of the subdomain's own
-# ways to move resist. With ν = .499, .045 of it, soft modes save 12 of 64 stages for 416 back-substitutions per subdomain at
+# Copies of nearly incompressible ten-node tets resist by √(λ μ), so that √(μ/λ) of it is what the
+# softest of the subdomain's own
+# ways to move resist. With ν = .499, .045 of it, soft modes save 12 of 64 stages for 416
+# back-substitutions per subdomain at
 # set-up; with ν = .4999, .014, they save 46 of 110 for 220. The limit lies between.
 YIELDING = 0.03
 
@@ -130,11 +144,13 @@ def difficulty(scene: Scene) -> Difficulty:
     mixed = np.zeros(len(scene.interfaces), dtype=bool)
     if young.max() > CONTRAST * young.min():
         for i in scene.interfaces:
-            rows = [young[scene.subdomains[e].material[first_row(scene, i, side)]] for side, e in enumerate(i.subdomains)]
+            rows = [young[scene.subdomains[e].material[first_row(scene, i, side)]]
+                    for side, e in enumerate(i.subdomains)]
             mixed[i.index] = any(row.max() > CONTRAST * row.min() for row in rows)
     largest = np.array([poisson[s.material].max() for s in scene.subdomains])
     incompressible = largest > INCOMPRESSIBLE
-    # four-node tets cannot flow without changing their volumes, and their copies resist by all of their bulk modulus
+    # four-node tets cannot flow without changing their volumes, and their copies resist by all of
+    # their bulk modulus
     yielding = largest > 0.5 / (1 + YIELDING**2)
     flowing = yielding if scene.mesh.cells.shape[1] == 10 else incompressible
     extents = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes)
@@ -145,7 +161,8 @@ def difficulty(scene: Scene) -> Difficulty:
 
 
 def by_nodes(scene: Scene, method) -> bool:
-    """Return whether a scene is solved with rings, one state per node of a subdomain: where all of it
+    """Return whether a scene is solved with rings, one state per node of a subdomain: where all of
+    it
     is one bonded mesh, and no part is slender, or yields at constant volume: these need soft modes.
 
     method : ``method`` of the configuration: what it asks of layers or interfaces excludes rings

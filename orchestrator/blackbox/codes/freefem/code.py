@@ -125,8 +125,8 @@ class FreeFem(MessageCode):
                 66: "the node numbers sent do not fit the mesh",
         67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
         68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
-        69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the "
-                "error bound would not hold",
+        69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error "
+                "bound would not hold",
                 250: "the script was not found", 139: "segmentation fault",
                 127: "the executable or one of its libraries was not found",
                 126: "the executable could not be run"}

@@ -48,8 +48,8 @@ def read(path: Path) -> Mesh:
         unclear.append("named in the file, with no elements: "
                        + ", ".join(f"'{name}'" for name in lost[:5])
                        + (", …" if len(lost) > 5 else "")
-                       + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 "
-                       "keeps them")
+                       + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 keeps "
+                       "them")
     triangles, surfaces, _ = cells_of(raw, "triangle", 2, "surface")
     used, inverse = np.unique(cells, return_inverse=True)
     renumber = np.full(len(raw.points), -1)
