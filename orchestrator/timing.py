@@ -100,6 +100,8 @@ class Doing:
         if self.what == "assembling":
             done = len(self.done)
             return f"assembling {done} of {self.pieces}" if done < self.pieces else "set-up"
+        if len(self.done) == self.pieces:
+            return "first iteration"
         return f"set-up, {sum(self.done):,.0f} of {self.of:,.0f} {self.what}"
 
     @property

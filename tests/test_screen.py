@@ -1,12 +1,10 @@
 """What is printed: a few lines that say most, in plain text where nobody looks."""
 
 import io
-import os
 import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -20,7 +18,6 @@ from rich.console import Console
 from orchestrator.blackbox.shared import LOADING
 from orchestrator.method.events import Finished
 from orchestrator.results import progress as progresses
-from orchestrator.results.figures.artist import Artist
 from orchestrator.results.progress import Progress, Remaining
 from orchestrator.timing import Doing
 from orchestrator.results.summary.lines import print_summary, summary_rows
@@ -122,12 +119,30 @@ def test_what_is_left_is_told_by_what_is_done():
     assert remaining.left(None, now) == pytest.approx(remaining.after)
 
 
-def test_an_interrupt_while_figures_are_drawn_says_what_there_is():
+DRAWS = """
+import time
+from orchestrator.ending import guarded
+from orchestrator.results.figures.artist import Artist
+
+def draws():
     with Artist() as artist:
         artist.begin(time.sleep, 60)
-        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
-        with pytest.raises(KeyboardInterrupt, match="complete but for figures: orchestrator report draws them"):
-            artist.finish()
+        print("drawing", flush=True)
+        artist.finish()
+
+guarded(draws)
+"""
+
+
+def test_an_interrupt_while_figures_are_drawn_says_what_there_is():
+    """In a process of its own: interrupts are not for who runs the tests."""
+    program = subprocess.Popen([sys.executable, "-c", DRAWS], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    assert program.stdout.readline() == "drawing\n"
+    time.sleep(1.0)  # until it waits for the figures
+    program.send_signal(signal.SIGINT)
+    _, said = program.communicate(timeout=60)
+    assert program.returncode == 130 and "complete but for figures: orchestrator report draws them" in said, said
 
 
 @pytest.mark.long
