@@ -176,7 +176,7 @@ def sweep(config: ConfigFile,
     """Run a configuration with different values: a table, a picture, and a results folder for
     each.
     """
-    from orchestrator.parallel.team import join
+    from orchestrator.launch import join
     from orchestrator.sweep.variants import variants_of
 
     if join().size > 1:

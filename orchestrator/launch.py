@@ -1,12 +1,21 @@
-"""A run from the command line: this process is all of it, or one of several ranks."""
+"""A run from the command line: this process is all of it, or one of several ranks that it joins."""
 
 from __future__ import annotations
 
+import atexit
+import os
+from importlib import import_module
 from pathlib import Path
 
-from orchestrator.errors import InputError
-from orchestrator.parallel.team import Elsewhere, join, Team
+from orchestrator import folders
+from orchestrator.errors import BAD_INPUT, InputError, wrong
+from orchestrator.optional import command
+from orchestrator.parallel.team import ALONE, Elsewhere, launched, Team
 from orchestrator.processes import check_addresses
+
+# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name
+# alone, 5 by it too.
+SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
 def launch(config: Path, overrides: list[str], verbose: bool, **options: object) -> int | None:
@@ -25,8 +34,6 @@ def launch(config: Path, overrides: list[str], verbose: bool, **options: object)
             return _lead(team, config, overrides, verbose, **options)
     except BaseException as error:
         if team.lost():
-            from orchestrator import folders
-
             folders.sweep()  # what the lost ones left
         if not team.speaks():
             return None
@@ -53,3 +60,39 @@ def _lead(team: Team, config: Path, overrides: list[str], verbose: bool, **optio
         except (InputError, Elsewhere) as error:
             cause = team.cause(error)
             raise located(cause, loaded) if isinstance(cause, InputError) else error
+
+
+def join() -> Team:
+    """Return the team that this process belongs to.
+
+    Raises InputError: started by mpiexec, but mpi4py is missing or belongs to another MPI
+    """
+    rank, size = launched()
+    if size == 1:
+        return ALONE
+    _share_memory()
+    try:
+        team = import_module("orchestrator.parallel.mpi").MpiRanks()
+    except (ImportError, RuntimeError) as error:
+        found = f"mpi4py cannot be imported: {error}"
+        cure = f"{command('mpi4py')} brings mpi4py and an MPI with its mpiexec"
+    else:
+        if team.size == size:
+            return team
+        found = f"{size} processes started by mpiexec, of which each sees {team.size}"
+        cure = "take the mpiexec of the MPI that mpi4py uses: .venv/bin/mpiexec after set-up"
+    if rank:
+        raise SystemExit(BAD_INPUT)  # rank 0 says why
+    raise wrong((), found, "mpi4py and mpiexec of one MPI", cure)
+
+
+def _share_memory() -> None:
+    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all
+    others where it is killed.
+    """
+    if {BACKING,
+        BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
+        return
+    folder = folders.make(SHARED)
+    os.environ[BACKING] = str(folder)
+    atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then

@@ -10,7 +10,7 @@ from threads import chain
 from orchestrator.method.interface import spread
 from orchestrator.method.interface.factor import whole
 from orchestrator.parallel.petsc import lacking, shared_by
-from orchestrator.parallel.team import join
+from orchestrator.launch import join
 
 SCENES = ("perfect", "soft modes")
 

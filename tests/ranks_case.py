@@ -15,7 +15,8 @@ from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.coarse import elimination, layout
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.parallel.team import ALONE, Team, join
+from orchestrator.launch import join
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
 

@@ -19,7 +19,8 @@ from ranks_case import CASES, PAIRED, found, refined
 
 from orchestrator import folders
 from orchestrator.config.load import load_config
-from orchestrator.parallel.team import SHARED, launched
+from orchestrator.launch import SHARED
+from orchestrator.parallel.team import launched
 from orchestrator.processes import without_launcher
 from orchestrator.results.solution import Solution
 from orchestrator.run import run as run_here
@@ -328,7 +329,7 @@ def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
 SWALLOWED = """
 import time
 from orchestrator.errors import InputError, Problem
-from orchestrator.parallel.team import join
+from orchestrator.launch import join
 from orchestrator.parallel.team import Elsewhere
 team = join()
 try:

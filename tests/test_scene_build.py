@@ -20,9 +20,10 @@ from orchestrator.scene.interfaces.pairs import make_interfaces
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.sources import bricks
+from orchestrator.scene.mesh.sources import bricks, joined
 from orchestrator.scene.mesh.mesh import Mesh, StandIn, split_numbering
 from orchestrator.scene.partition import Partition, make_partition
+from orchestrator.scene.shapes import Shape
 
 
 def config(**changes):
@@ -67,6 +68,20 @@ def interfaces_of(mesh, fixed=None, entries=()):
     laws = Laws(list(entries), [*partition.names, *mesh.volumes])
     interfaces, _ = make_interfaces(Parts(mesh, faces, partition, numbering), laws, found)
     return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
+
+
+def test_every_patch_is_known_by_the_names_of_its_parts():
+    """Two feet of one part stand on another, whose top a CAD model knows."""
+    base, feet = cubes((5, 1, 1), [0] * 5, ["base"]), cubes((5, 1, 1), [0, -1, -1, -1, 0], ["feet"])
+    feet.nodes[:, 2] += 1.0
+    faces = faces_of(base.cells, len(base.nodes))
+    top = faces.triangles[faces.outer][(base.nodes[faces.triangles[faces.outer]][:, :, 2] == 1).all(axis=1)]
+    base.surfaces["top"] = top
+    base.smooth["top"] = Shape("plane", normals=np.tile([0.0, 0.0, 1.0], (len(top), 3, 1)))
+    entries = config(interfaces=[{"between": ["base", "feet"], "law": "contact"}]).interfaces
+    found, complaints = interfaces_of(joined([base, feet]), entries=entries)
+    assert not complaints and [i.called for i in found] == 2 * [(("base", "base"), ("feet", "feet"))]
+    assert [i.law.name for i in found] == ["contact", "contact"]
 
 
 def area(made, interface):

@@ -21,7 +21,8 @@ import scipy.sparse as sp
 from benchmarks.studies.prediction import macro_of, touches
 from orchestrator.method.interface import spread
 from orchestrator.parallel.placement import owners
-from orchestrator.parallel.team import Team, join
+from orchestrator.launch import join
+from orchestrator.parallel.team import Team
 
 SOLUTIONS = 20  # about as many as a run has iterations
 FIELDS = 9  # affine ones, of a plane interface

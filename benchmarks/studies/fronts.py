@@ -19,7 +19,8 @@ from scipy.spatial import Delaunay
 from orchestrator.method.coarse import elimination
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.parallel.petsc import library
-from orchestrator.parallel.team import Team, join
+from orchestrator.launch import join
+from orchestrator.parallel.team import Team
 
 RIGID, AFFINE, TIMES = 6, 12, 8
 FAR = 2.2  # mean distances, beyond which points are no neighbours: on the hull

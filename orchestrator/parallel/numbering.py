@@ -17,13 +17,6 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import components
 
 
-def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,)
-    says, run after run.
-    """
-    return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
-
-
 def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping[int, np.ndarray],
             team: Team) -> np.ndarray:
     """(n,) int, the lowest name in the class of each of this rank's things; all ranks ask together.

@@ -8,18 +8,12 @@ of MPI nothing is imported unless it has.
 
 from __future__ import annotations
 
-import atexit
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from importlib import import_module
 from typing import Any
 
 import numpy as np
-
-from orchestrator import folders
-from orchestrator.errors import BAD_INPUT, wrong
-from orchestrator.optional import command
 
 
 class Team:
@@ -131,9 +125,6 @@ ALONE = Team()
 # Slurm with PMIx, which sets PMIX_RANK in the processes of a parallel step only.
 _VARIABLES = (("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("PMI_SIZE", "PMI_RANK"),
               ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "PMIX_RANK"))
-# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name
-# alone, 5 by it too.
-SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
 def launched(environment: Mapping[str, str] = os.environ) -> tuple[int, int]:
@@ -149,39 +140,3 @@ def watched() -> bool:
     writes to itself.
     """
     return launched()[1] == 1
-
-
-def join() -> Team:
-    """The team this process belongs to.
-
-    Raises InputError: started by mpiexec, but mpi4py is missing or belongs to another MPI
-    """
-    rank, size = launched()
-    if size == 1:
-        return ALONE
-    _share_memory()
-    try:
-        team = import_module("orchestrator.parallel.mpi").MpiRanks()
-    except (ImportError, RuntimeError) as error:
-        found = f"mpi4py cannot be imported: {error}"
-        cure = f"{command('mpi4py')} brings mpi4py and an MPI with its mpiexec"
-    else:
-        if team.size == size:
-            return team
-        found = f"{size} processes started by mpiexec, of which each sees {team.size}"
-        cure = "take the mpiexec of the MPI that mpi4py uses: .venv/bin/mpiexec after set-up"
-    if rank:
-        raise SystemExit(BAD_INPUT)  # rank 0 says why
-    raise wrong((), found, "mpi4py and mpiexec of one MPI", cure)
-
-
-def _share_memory() -> None:
-    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all
-    others where it is killed.
-    """
-    if {BACKING,
-        BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
-        return
-    folder = folders.make(SHARED)
-    os.environ[BACKING] = str(folder)
-    atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then

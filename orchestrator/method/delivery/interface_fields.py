@@ -23,11 +23,11 @@ from orchestrator.method.interface.rows import bounds_of, joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Pair
-from orchestrator.parallel.numbering import runs
 from orchestrator.scene.interfaces.mortar.operators import scalar
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.mesh.faces import runs
 from orchestrator.scene.model import Scene
 
 

@@ -22,9 +22,9 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import narrow
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.parallel.numbering import runs
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.mesh.faces import runs
 from orchestrator.scene.model import Scene
 
 # Size of the grid's cells over a subdomain's. Iterations, back-substitutions at set-up, in all; 64

@@ -31,7 +31,7 @@ from orchestrator.method.interface.rows import block_diagonal, Blocks, bounds_of
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.parallel.numbering import runs
+from orchestrator.scene.mesh.faces import runs
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from orchestrator.method.interface.rows import bounds_of, narrow, peak, ColumnSe
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.parallel.numbering import runs
 from orchestrator.scene.conditions.rigid import RIGID
+from orchestrator.scene.mesh.faces import runs
 
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as
 # the error, so that

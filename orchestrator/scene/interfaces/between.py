@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.parallel.numbering import runs
 from orchestrator.scene.interfaces.opposite import COINCIDE, BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Skin, over
+from orchestrator.scene.mesh.faces import runs
 from orchestrator.scene.mesh.geometry import rounding
 
 ROUNDING = 1e-9  # share of the element size

@@ -118,7 +118,7 @@ def hinges(parts: Parts, laws: Laws, found: Sequence[Interface]) -> list[Interfa
         np.concatenate([f + step for f, step in zip(first, steps)])]
     pairs, which = np.unique(np.c_[owner[one], owner[two]], axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
-    around = _Around(parts, apart)
+    around, corners = _Around(parts, apart), 3 if numbering.corners.shape[1] == 4 else 6
     for pair, at in zip(pairs.tolist(),
                         np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)):
         a, b = one[at], two[at]
@@ -133,23 +133,16 @@ def hinges(parts: Parts, laws: Laws, found: Sequence[Interface]) -> list[Interfa
         if not len(a):
             continue
         laws.between(*known)
-        made.append(_joint(parts, tuple(pair), around.with_ends(a), known))
+        # of no facet, and of any normal: bonds ask none
+        nodes = numbering.nodes[around.with_ends(a)]
+        made.append(parts.interface(
+            tuple(pair), (nodes, nodes), np.empty((0, corners), dtype=int),
+            np.empty((0, 2), dtype=int), called=known,
+            normals=np.tile([1.0, 0, 0], (len(nodes), 1))))
         laws.apply(entry, made[-1])
         joined = components(label[a], label[b], len(label))[1]
         label = joined[label]
     return made
-
-
-def _joint(parts: Parts, pair: tuple[int, int], split: np.ndarray,
-           called: tuple[tuple[str, ...], tuple[str, ...]]) -> Interface:
-    """Interface without facets, of split nodes (n,) of the first side and the second side's split
-    nodes of the same nodes.
-    """
-    nodes, corners = parts.numbering.nodes[split], 3 if parts.numbering.corners.shape[1] == 4 else 6
-    return parts.interface(pair, (nodes, nodes), np.empty((0, corners), dtype=int),
-                           np.empty((0, 2), dtype=int),
-                            # any: what is bonded asks for no direction
-                           called=called, normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))
 
 
 class _Around:

@@ -131,6 +131,13 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
     return len(roots), label
 
 
+def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return (sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,)
+    says, run after run.
+    """
+    return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
+
+
 def edge_patches(triangles: np.ndarray, group: np.ndarray | None = None) -> tuple[int, np.ndarray]:
     """Patches of triangles (k, 3 or 6) of the same group (k,) connected through edges: count, and
     the patch (k,) of each.
