@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.faces import components, runs
 
 
 def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping[int, np.ndarray],
