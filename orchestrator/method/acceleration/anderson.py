@@ -1,12 +1,13 @@
-"""Anderson's acceleration of the nonlinear fixed point s = F(s), all load steps as one vector.
+"""Anderson's acceleration of the nonlinear fixed point s = F(s), load step by load step.
 
 Type II with a window of m differences around the latest evaluation: the combination of least
 residual r = F(s) − s, in the norm of (k⁺)⁻¹, then a step along its residual,
 
     s ← s + β r − Σ γ_i (Δs_i + β Δr_i),     γ = argmin ‖r − Σ γ_i Δr_i‖
 
-The window is dropped when the residual has grown far beyond the best one: the statuses that it
-speaks of are gone.
+Each load step has its own γ and its own window. A body that snaps in one load step has the largest
+residual by far: one γ for all load steps would serve that one alone. A window is dropped when its
+residual has grown far beyond the best one: the statuses that it speaks of are gone.
 
 Differences are kept in double precision: single moves a state by 6e-8 of its last changes, and a
 body that stabilisation alone holds by that over ε. Ten grains at 1e-10 then stagnate at 6e-10.
@@ -19,6 +20,7 @@ import numpy as np
 from orchestrator.method.acceleration import Acceleration
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
@@ -45,14 +47,14 @@ class Anderson(Acceleration):
 
     def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE,
                  forget: float = FORGET):
-        self.root, self.memory, self.relaxation, self.team, self.forget = np.sqrt(
-            weight), memory, relaxation, team, forget
-        self.count, self.smallest = 0, np.inf
-        # Δr_i·Δr_j, and Δr_i·r of the latest r
-        self.gram, self.right = np.zeros((memory, memory)), np.zeros(memory)
-        # (m, T D) Δs + β Δr, and root Δr; the oldest is overwritten
-        self.changes = self.differences = np.empty((0, 0))
+        self.root, self.memory, self.relaxation = np.sqrt(weight), memory, relaxation
+        self.team, self.forget = team, forget
+        self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
+        self.kept = self.smallest = np.empty(0)  # (T,) differences in each window, least ‖r‖
+        # (T, m, m) Δr_i·Δr_j, and (T, m) Δr_i·r of the latest r
+        self.gram = self.right = np.empty(0)
+        self.changes = self.differences = np.empty(0)  # (T, m, D) Δs + β Δr, and root Δr
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -68,54 +70,60 @@ class Anderson(Acceleration):
                    FORGET if d.nonlinear is None else FORGET_FLOWING)
 
     @property
-    def kept(self) -> int:
-        """Differences in the window."""
-        return min(self.count, self.memory)
-
-    @property
     def depth(self) -> int:
-        return 1 + self.kept
+        return 1 + int(self.kept.max(initial=0))
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; among ranks one message."""
         s, residual = evaluated.s, image - evaluated.s
         weighted = self.root * residual
-        square, products = np.vdot(weighted, weighted), np.zeros((2, 0))
-        if self.latest is not None:
-            products = self._remember(s, residual, weighted.ravel())
-        square, products = self.team.sum(square, products)
-        if self.latest is not None:
-            place = (self.count - 1) % self.memory
-            self.gram[place, : self.kept] = self.gram[: self.kept, place] = products[0]
-            self.right[: self.kept] = products[1]
-        size = float(np.sqrt(square))
-        if size > self.forget * self.smallest:
-            self.count, self.smallest = 0, size
-        self.smallest = min(self.smallest, size)
+        if self.latest is None:
+            self._begin(*s.shape)
+            square, = self.team.sum(dots(weighted, weighted))
+        else:
+            difference = self._remember(s, residual)
+            both = np.stack([difference, weighted], axis=2)  # (T, D, 2)
+            square, products = self.team.sum(dots(weighted, weighted), self.differences @ both)
+            self.gram[:, self.place] = self.gram[:, :, self.place] = products[..., 0]
+            self.right = products[..., 1]
+            self.place = (self.place + 1) % self.memory
+            self.kept = np.minimum(self.kept + 1, self.memory)
+        size = np.sqrt(square)
+        gone = size > self.forget * self.smallest
+        self._drop(gone)
+        self.smallest = np.where(gone, size, np.minimum(size, self.smallest))
         self.latest = s, residual
         return residual
 
-    def _remember(self, s: np.ndarray, residual: np.ndarray, weighted: np.ndarray) -> np.ndarray:
-        """Keep the latest differences; (2, n) this rank's products of Δr, and of r, with all."""
-        if self.differences.shape[1] != s.size:
-            # the system gives memory to what is written
-            self.changes, self.differences = np.empty((2, self.memory, s.size))
-        place, (s_before, r_before) = self.count % self.memory, self.latest
-        self.count += 1
-        change, difference = (x[place].reshape(s.shape) for x in (self.changes, self.differences))
+    def _begin(self, steps: int, columns: int) -> None:
+        """Make windows for so many load steps; the system gives memory to what is written."""
+        self.kept, self.smallest = np.zeros(steps, dtype=int), np.full(steps, np.inf)
+        self.gram = np.zeros((steps, self.memory, self.memory))
+        self.right = np.zeros((steps, self.memory))
+        self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
+
+    def _remember(self, s: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Keep the latest differences; return root Δr (T, D)."""
+        s_before, r_before = self.latest
+        change, difference = self.changes[:, self.place], self.differences[:, self.place]
         np.subtract(residual, r_before, out=difference)
         np.subtract(s, s_before, out=change)
         change += self.relaxation * difference
         difference *= self.root
-        kept = self.differences[: self.kept]
-        return np.stack([kept @ kept[place], kept @ weighted])
+        return difference
+
+    def _drop(self, gone: np.ndarray) -> None:
+        """Empty the windows of some load steps (T,): differences of nothing have no part in γ."""
+        self.kept[gone] = 0
+        for step in np.flatnonzero(gone):
+            self.differences[step] = self.gram[step] = self.right[step] = 0.0
 
     def next(self) -> np.ndarray:
         s, residual = self.latest
-        state, n = s + self.relaxation * residual, self.kept
-        size = np.sqrt(np.diag(self.gram)[:n])
+        size = np.sqrt(np.diagonal(self.gram, axis1=1, axis2=2))
         size[size == 0] = 1.0
-        scaled = self.gram[:n, :n] / np.outer(size, size) + REGULARISATION * np.eye(n)
-        gamma = np.linalg.solve(scaled, self.right[:n] / size) / size
-        state -= (gamma @ self.changes[:n]).reshape(s.shape) if n else 0.0
-        return state
+        scaled = self.gram / (size[:, :, None] * size[:, None, :])
+        scaled += REGULARISATION * np.eye(self.memory)
+        gamma = np.linalg.solve(scaled, (self.right / size)[..., None])[..., 0] / size
+        extrapolated = (gamma[:, None, :] @ self.changes)[:, 0]
+        return s + self.relaxation * residual - extrapolated
