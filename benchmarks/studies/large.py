@@ -6,7 +6,8 @@ charged for the mesh as we make it, for FreeFEM's assembly in one process, and f
 true error is small enough, which it is told (``rivals``). That both solved the same problem is seen from the energies.
 
 Parts: ``rivals``, easy and hard cubes; ``many``, the same cube in ever more subdomains, more of the same subdomains, and
-what surrounds the codes; ``million``, a million dofs; ``beam``, a small run with all that is written and drawn;
+what surrounds the codes; ``cuts``, iterations of hard cubes cut into 64 and more; ``million``, a million dofs; ``beam``,
+a small run with all that is written and drawn;
 ``direct``, not run unless asked for, FreeFEM's direct solvers, whose memory does not suffice for a million.
 """
 
@@ -38,8 +39,8 @@ Method = Literal["gamg", "hypre", "pyamg", "mumps", "pardiso", "cholmod"]
 class Settings(Keys):
     """What to run."""
 
-    parts: list[Literal["rivals", "many", "million", "beam", "direct"]] = Field(
-        ["rivals", "many", "million", "beam"], description="parts of the study")
+    parts: list[Literal["rivals", "many", "cuts", "million", "beam", "direct"]] = Field(
+        ["rivals", "many", "cuts", "million", "beam"], description="parts of the study")
     cases: list[Case] = Field(["easy", "random", "incompressible", "thin"], description="cubes for the rivals")
     rivals: list[Method] = Field(list(RIVALS), description="the other solvers")
     ranks: PositiveInt = Field(2, description="of PETSc")
@@ -49,6 +50,8 @@ class Settings(Keys):
         [4, 10, 20], description="subdomains along the side of the same cube cut ever finer, each a divisor of its bricks")
     growth: list[Annotated[int, Field(ge=2)]] = Field(
         [4, 8, 16], description="subdomains along the side, each of 4³ bricks")
+    cuts: list[Annotated[int, Field(ge=2)]] = Field(
+        [4, 5, 8, 10], description="subdomains along the side of the cube with moduli at random")
     around: tuple[int, int] = Field((10, 6), description="subdomains along the side, and bricks, for what surrounds the codes")
     million: tuple[int, int] = Field((7, 10), description="the same of the million dofs")
     patience: PositiveFloat = Field(120.0, description="seconds after which a rival has failed")
@@ -60,7 +63,8 @@ def run(study: Study, settings: Settings = Settings()) -> None:
     study.columns = ("part", "case", "method", "dofs", "subdomains", "stop_reason", "iterations", "bound", "before", "codes",
                      "seconds", "cpu_seconds", "memory_mb", "others")
     bench = Bench(study, settings)
-    for part, function in (("rivals", rivals), ("many", many), ("million", million), ("beam", small)):
+    for part, function in (("rivals", rivals), ("many", many), ("cuts", cuts),
+                           ("million", million), ("beam", small)):
         if part in settings.parts:
             function(bench)
     if bench.rows:
@@ -218,6 +222,22 @@ def many(bench: Bench) -> None:
         ratio = row["seconds"] / (row["codes"] / CORES)
         target(f"{row['subdomains']:,} different subdomains, {row['dofs']:,} dofs: wall over the codes' CPU seconds per core",
                "at most 2", f"{row['seconds']:.1f} / {row['codes'] / CORES:.1f} s = {ratio:.2f}", ratio <= 2)
+
+
+def cuts(bench: Bench) -> None:
+    """Iterations of the rivals' cubes: moduli at random in ever more subdomains, METIS's parts, ν = .49, a plate."""
+    settings, folder = bench.settings, bench.study.folder
+    blocks, bricks = settings.blocks, settings.blocks * settings.elements
+    easy = named("easy", folder, blocks, settings.elements)
+    cases = [(f"random, {n}³ subdomains", named("random", folder, n, bricks // n), 22) for n in settings.cuts]
+    cases += [(f"{blocks**3} METIS parts", {**easy, "name": "metis", "subdomains": {"metis": blocks**3}}, 30),
+              ("ν = .49", {**easy, "name": "squeezable", "materials": [{"young": 200e3, "poisson": 0.49}]}, 40),
+              ("a plate, 30:1", named("thin", folder, blocks, settings.elements), 35)]
+    for case, config, most in cases:
+        row = bench.ours("cuts", case, config)
+        bench.study.target(f"{case}: iterations to a bound of {ACCURATE:g}", f"at most {most}",
+                           row["stop_reason"] if row["failed"] else f"{row['iterations']}, {_size(row)}",
+                           not row["failed"] and row["iterations"] <= most)
 
 
 def million(bench: Bench) -> None:

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 import orchestrator
 import pytest
-from helpers import ALLOWED, HELD, MPIEXEC, QUICK, bricks, on, solved
+from helpers import ALLOWED, HELD, MPIEXEC, QUICK, STEEL, box, bricks, on, solved
 
 SIDE, CELLS = 3, 12  # subdomains of a cube along each side, and bricks
 SECONDS = 300
@@ -87,6 +87,20 @@ def test_other_units(unit, force, plain, tmp_path):
     apart = np.abs(found.displacement / unit - plain.displacement).max()
     assert apart <= 1e-8 * np.abs(plain.displacement).max()
     assert found.iterations == plain.iterations
+
+
+def test_a_body_that_is_not_cut():
+    """A subdomain that meets no other has no sole, and is solved beside the others."""
+    parts = [box("whole", [1, 1, 1], [2, 2, 2]), box("cut", [4, 2, 2], [8, 4, 4], [5, 0, 0])]
+    found = solved({
+        "name": "apart", "parts": parts, "subdomains": {"groups": True, "split_above": 300},
+        "materials": [STEEL],
+        "boundary": [{"on": "whole/zmin", "displacement": HELD},
+                     {"on": "cut/xmin", "displacement": [0, 0, 1e-3]},
+                     {"on": "whole/zmax", "traction": [1, 0, 1]},
+                     {"on": "cut/xmax", "traction": [[1, 0, 1], [0, 1, 0]]}]}, reference=True)
+    told(found)
+    assert found.summary["subdomains"] > 2
 
 
 @pytest.mark.xdist_group("ranks")

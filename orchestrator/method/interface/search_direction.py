@@ -122,7 +122,7 @@ def _of_rings(scene: Scene, space: TraceSpace, rings: Sequence[Ring]) -> list[Re
     """The same of rings."""
     own = [(scene.subdomains[e], ring) for e, ring in zip(space.subdomains, rings)]
     return [(ring_model(scene, s, ring), ~s.fixed[ring.nodes], [np.arange(part.start, part.stop)])
-            for (s, ring), part in zip(own, space.boundary)]
+            for (s, ring), part in zip(own, space.boundary) if len(ring.cells)]
 
 
 class Nearest:

@@ -68,7 +68,7 @@ def clamped(scene: Scene, cells: np.ndarray, inner: np.ndarray) -> tuple[np.ndar
     inside = np.isin(used, inner)
     number = len(inner) + np.cumsum(~inside) - 1
     number[inside] = np.searchsorted(inner, used[inside])
-    return scene.mesh.nodes[used[~inside]], number[number_of].reshape(len(cells), -1)
+    return scene.mesh.nodes[used[~inside]], number[number_of].reshape(-1, scene.mesh.cells.shape[1])
 
 
 def between(poisson: np.ndarray) -> np.ndarray:
