@@ -64,7 +64,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
         numbering = np.concatenate([inner, count + np.arange(len(sole.points))])
         cells.append(numbering[sole.cells])
         points.append(sole.points)
-        matter.append(np.column_stack([sole.young, sole.poisson]))
+        matter.append(_matter(sole))
         count += len(sole.points)
     fixed = np.ones((count, 3), dtype=bool)
     fixed[: len(subdomain.nodes)] = subdomain.fixed
@@ -91,6 +91,15 @@ def both_alike(scene: Scene, index: int, pair: SolePair) -> bool:
         for s in (scene.subdomains[e] for e in scene.interfaces[index].subdomains))
 
 
+def sole_model(name: str, inner: np.ndarray, sole: Sole, code: int) -> Model:
+    """A sole alone, whose inner nodes are at points (n, 3)."""
+    return _model(name, np.vstack([inner, sole.points]), sole.cells, _matter(sole), code=code)
+
+
+def _matter(sole: Sole) -> np.ndarray:
+    return np.column_stack([sole.young, sole.poisson])
+
+
 def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
     """One model per different sole, with the (interface, side) it belongs to; interfaces without
     soles are left out.
@@ -99,21 +108,10 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
     for interface, pair in zip(scene.interfaces, soles):
         for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (
             0, 1):
-            sole = pair[side]
-            nodes = np.vstack([scene.side_points(interface, side), sole.points])
-            models.append(
-                (_model(f"sole of {interface.name}", nodes, sole.cells,
-                        np.column_stack([sole.young, sole.poisson]),
-                        code=scene.subdomains[interface.subdomains[side]].code),
-                 (interface.index, side)))
+            model = sole_model(f"sole of {interface.name}", scene.side_points(interface, side),
+                               pair[side], scene.subdomains[interface.subdomains[side]].code)
+            models.append((model, (interface.index, side)))
     return models
-
-
-def ring_model(scene: Scene, subdomain: Subdomain, ring: Ring) -> Model:
-    """The ring of a subdomain alone."""
-    nodes = np.vstack([scene.mesh.nodes[subdomain.nodes[ring.nodes]], ring.points])
-    return _model(f"ring of {subdomain.name}", nodes, ring.cells,
-                  np.column_stack([ring.young, ring.poisson]), code=subdomain.code)
 
 
 @dataclass

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.blackbox.shared import assembled
-from orchestrator.blackbox.models import both_alike, ring_model, sole_models
+from orchestrator.blackbox.models import both_alike, sole_model, sole_models
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import eigenvalue, placed, times
@@ -120,9 +120,10 @@ def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
 
 def _of_rings(scene: Scene, space: TraceSpace, rings: Sequence[Ring]) -> list[Request]:
     """The same of rings."""
-    own = [(scene.subdomains[e], ring) for e, ring in zip(space.subdomains, rings)]
-    return [(ring_model(scene, s, ring), ~s.fixed[ring.nodes], [np.arange(part.start, part.stop)])
-            for (s, ring), part in zip(own, space.boundary) if len(ring.cells)]
+    own = zip((scene.subdomains[e] for e in space.subdomains), rings, space.boundary)
+    return [(sole_model(f"ring of {s.name}", scene.mesh.nodes[s.nodes[ring.nodes]], ring, s.code),
+             ~s.fixed[ring.nodes], [np.arange(part.start, part.stop)])
+            for s, ring, part in own if len(ring.cells)]
 
 
 class Nearest:

@@ -52,9 +52,8 @@ class NodeMacro(Macro):
             forces.append(known[key][1])
         answers = blackbox.traces({e: force for e, force in enumerate(forces) if force.size})
         self.blocks = joined(sees, parts, forces, answers)
-        left = {(id(fields[e]), id(V)): fields[e] - V for e, V in answers.items()}
-        apart = {e: left[id(fields[e]), id(V)] for e, V in answers.items()}
-        lower = assembled(joined(sees, parts, forces, apart), self.size)
+        own = joined(sees, parts, forces, {e: fields[e] for e in answers})
+        lower = assembled(own, self.size) - assembled(self.blocks, self.size)
         self._solve = self._solver(sp.csr_array(sp.tril(regularised(lower))))
         solved, count = space.team.sum(sum(len(own) for own in sees), len(sees))
         return float(solved / count) if count else 0.0
