@@ -97,10 +97,10 @@ class Doing:
         self.last = time.monotonic()
 
     def __str__(self) -> str:
+        done = len(self.done)
         if self.what == "assembling":
-            done = len(self.done)
             return f"assembling {done} of {self.pieces}" if done < self.pieces else "set-up"
-        if len(self.done) == self.pieces:
+        if done == self.pieces:
             return "first iteration"
         return f"set-up, {sum(self.done):,.0f} of {self.of:,.0f} {self.what}"
 
