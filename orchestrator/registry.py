@@ -152,13 +152,11 @@ FOREIGN = Registry({
 # Mesh files: who reads those of an ending.
 READERS = Registry({
     ".msh": "orchestrator.scene.mesh.readers.libraries:read_msh",
-    **dict.fromkeys((".unv", ".med", ".bdf", ".nas"),
-                    "orchestrator.scene.mesh.readers.libraries:read_by_gmsh"),
     ".inp": "orchestrator.scene.mesh.readers.inp:read_inp",
-    **dict.fromkeys((".vtu", ".vtk"), "orchestrator.scene.mesh.readers.vtk:read_vtk"),
-    **dict.fromkeys((".xdmf", ".xmf"), "orchestrator.scene.mesh.readers.libraries:read_xdmf"),
-    **dict.fromkeys((".vtm", ".vtmb", ".pvd", ".pvtu"),
-                    "orchestrator.scene.mesh.readers.libraries:refuse_collection"),
 }, own={
+    r"\.(unv|med|bdf|nas)": "orchestrator.scene.mesh.readers.libraries:read_by_gmsh",
+    r"\.(vtu|vtk)": "orchestrator.scene.mesh.readers.vtk:read_vtk",
+    r"\.(xdmf|xmf)": "orchestrator.scene.mesh.readers.libraries:read_xdmf",
+    r"\.(vtm|vtmb|pvd|pvtu)": "orchestrator.scene.mesh.readers.libraries:refuse_collection",
     ".*": "orchestrator.scene.mesh.readers.libraries:read_by_meshio",
 })
