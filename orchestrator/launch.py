@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import atexit
-import os
 from importlib import import_module
 from pathlib import Path
 
 from orchestrator import folders
 from orchestrator.errors import BAD_INPUT, InputError, wrong
 from orchestrator.optional import command
-from orchestrator.parallel.team import ALONE, Elsewhere, launched, Team
+from orchestrator.parallel.team import ALONE, Elsewhere, launched, share_memory, Team
 from orchestrator.processes import check_addresses
-
-# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name
-# alone, 5 by it too.
-SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
 def launch(config: Path, overrides: list[str], verbose: bool, **options: object) -> int | None:
@@ -70,7 +64,7 @@ def join() -> Team:
     rank, size = launched()
     if size == 1:
         return ALONE
-    _share_memory()
+    share_memory()
     try:
         team = import_module("orchestrator.parallel.mpi").MpiRanks()
     except (ImportError, RuntimeError) as error:
@@ -84,15 +78,3 @@ def join() -> Team:
     if rank:
         raise SystemExit(BAD_INPUT)  # rank 0 says why
     raise wrong((), found, "mpi4py and mpiexec of one MPI", cure)
-
-
-def _share_memory() -> None:
-    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all
-    others where it is killed.
-    """
-    if {BACKING,
-        BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
-        return
-    folder = folders.make(SHARED)
-    os.environ[BACKING] = str(folder)
-    atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then

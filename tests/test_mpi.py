@@ -19,8 +19,7 @@ from ranks_case import CASES, PAIRED, found, refined
 
 from orchestrator import folders
 from orchestrator.config.load import load_config
-from orchestrator.launch import SHARED
-from orchestrator.parallel.team import launched
+from orchestrator.parallel.team import SHARED, launched
 from orchestrator.processes import without_launcher
 from orchestrator.results.solution import Solution
 from orchestrator.run import run as run_here

@@ -8,12 +8,15 @@ of MPI nothing is imported unless it has.
 
 from __future__ import annotations
 
+import atexit
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
+
+from orchestrator import folders
 
 
 class Team:
@@ -125,6 +128,9 @@ ALONE = Team()
 # Slurm with PMIx, which sets PMIX_RANK in the processes of a parallel step only.
 _VARIABLES = (("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("PMI_SIZE", "PMI_RANK"),
               ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "PMIX_RANK"))
+# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name
+# alone, 5 by it too.
+SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
 def launched(environment: Mapping[str, str] = os.environ) -> tuple[int, int]:
@@ -140,3 +146,15 @@ def watched() -> bool:
     writes to itself.
     """
     return launched()[1] == 1
+
+
+def share_memory() -> None:
+    """Make a folder of this rank's own for what Open MPI shares with others of its host, swept like all
+    others where it is killed.
+    """
+    if {BACKING,
+        BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
+        return
+    folder = folders.make(SHARED)
+    os.environ[BACKING] = str(folder)
+    atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then

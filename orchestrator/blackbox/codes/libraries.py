@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
-from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.mesh.quadratic import edges_of, find, TET_EDGES
 
 
 class ScikitFem(Adapter):
@@ -46,16 +46,10 @@ class ScikitFem(Adapter):
         place = np.empty(basis.N, dtype=int)  # of scikit-fem's dofs in the protocol's order
         place[basis.nodal_dofs] = 3 * corners + np.arange(3)[:, None]
         if quadratic:
-            place[basis.edge_dofs] = 3 * _middles(model.cells,
-                                                  corners[mesh.edges]) + np.arange(3)[:, None]
+            ends, edge = edges_of(model.cells[:, :4], TET_EDGES)
+            middle = np.empty(len(ends), dtype=int)
+            middle[edge] = model.cells[:, 4:]
+            place[basis.edge_dofs] = np.arange(3)[:, None] + 3 * middle[
+                find(ends, corners[mesh.edges].T)]
         return sp.csr_array((matrix.data, (place[matrix.row], place[matrix.col])),
                             shape=(model.fixed.size,) * 2)
-
-
-def _middles(cells: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(e,) nodes in the middle of edges (2, e), given by their ends."""
-    size = int(cells.max()) + 1
-    low, high = np.sort(cells[:, TET_EDGES], axis=2).reshape(-1, 2).T
-    keys, first = np.unique(low * size + high, return_index=True)
-    low, high = np.sort(ends, axis=0)
-    return cells[:, 4:].ravel()[first[np.searchsorted(keys, low * size + high)]]

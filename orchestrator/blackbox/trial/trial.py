@@ -5,6 +5,7 @@ protocol? A table of checks.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -99,14 +100,11 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
 
 def _held(joints: Joints, answers: UnitAnswers) -> str:
     """Whether supports inside hold it; raises InputError where the stiffness is none."""
+    loads = np.zeros((1, len(answers.springs)))
     try:
-        judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it",
-               answers.error)
+        judged(joints, answers.stiffness, loads, (), "it", answers.error)
     except InputError:
-        held = Joints(
-            *(getattr(joints, f) for f in ("ids", "points", "triangles", "joint", "names", "held")),
-            np.zeros((6, 0)))
-        judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it",
+        judged(replace(joints, left=np.zeros((6, 0))), answers.stiffness, loads, (), "it",
                answers.error)
         return "cost force: supports inside hold it, write held: true in its entry"
     return "cost nothing: it is not held inside"

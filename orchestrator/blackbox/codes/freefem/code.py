@@ -243,4 +243,4 @@ def _version(executable: str) -> str:
                                 stdin=subprocess.DEVNULL,
                                 env={**os.environ, **environment()}, capture_output=True, text=True,
                                 timeout=60)
-    return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")
+    return answer.stdout.strip().partition("\n")[0].strip()
