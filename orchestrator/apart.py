@@ -104,7 +104,8 @@ class Mesher(Apart):
         super().__init__(["orchestrator.scene.mesh.solids", "gmsh"])
 
     def __call__(self, make: Callable[..., object], *given: object) -> object:
-        """What ``make(*given)`` returns, called there; raises what that raises, and InputError
+        """Return what ``make(*given)`` returns, called there; raises what that raises, and
+        InputError
         where the process ends.
         """
         self.begin(make, *given)

@@ -106,7 +106,7 @@ class Doing:
 
     @property
     def seconds(self) -> float:
-        """What all of it takes, as far as the pieces tell that are done; nan: none is."""
+        """Return what all of it takes, as far as the pieces tell that are done; nan: none is."""
         share = sum(self.done) / self.of if self.done else 0.0
         return (self.last - self.begun) / share if share else float("nan")
 

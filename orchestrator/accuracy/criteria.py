@@ -53,7 +53,7 @@ AIM = 0.9  # what a mesh is made for: sizes are followed within some tenths, and
 
 @dataclass(frozen=True)
 class Criterion:
-    """What is asked and what a mesh leaves, all relative.
+    """Errors that are asked, and that a mesh leaves, all relative.
 
     asked : of mesh and iterations together
     estimated : the mesh's error as its estimate tells it by itself; share : measured, None where it
@@ -88,7 +88,8 @@ class Criterion:
         return bool(self._with_iterations(self.estimated / (self.share or TRUSTED)) <= self.asked)
 
     def goal(self, follows: bool) -> float:
-        """What may be estimated on the next mesh; ``follows``: whether the iterations' tolerance
+        """Return what may be estimated on the next mesh; ``follows``: whether the iterations'
+        tolerance
         does.
         """
         left = self.error - self.mesh

@@ -136,7 +136,7 @@ class _Refinement:
 
     @property
     def config(self) -> Config:
-        """What was asked for, with the tolerance that follows from it."""
+        """Return what was asked for, with the tolerance that follows from it."""
         config = self.loaded.config
         return config.model_copy(
             update={"method": config.method.model_copy(update={"tolerance": self.tolerance})})

@@ -1,4 +1,4 @@
-"""What an estimate tells of the true error, measured by the solutions on two meshes.
+"""Share of the true error that an estimate tells, measured by the solutions on two meshes.
 
 Where one mesh contains the other, the difference of both solutions lies where the finer one is free
 to move: its error e₂ has no part in it,
@@ -166,7 +166,8 @@ class Energies:
 
 
 def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energies | None:
-    """What the next solution's estimate can be measured by; None where matter is nonlinear, or the
+    """Return what the next solution's estimate can be measured by; None where matter is nonlinear,
+    or the
     iterations' error not known.
     """
     scene, bound = solution.scene, solution.error_bound

@@ -1,4 +1,4 @@
-"""What is known of the meshes tried so far, kept in the results folder: a run can go on in any.
+"""Record of the meshes tried so far, kept in the results folder: a run can go on in any.
 
 It tells how many elements seconds and memory leave room for before the next mesh is made. Memory
 grows by ``UNKNOWN_BYTES`` an unknown, or by more where it has between the last two meshes.
@@ -205,6 +205,6 @@ def set_aside_again(folder: ResultsFolder) -> None:
 
 
 def drop(folder: ResultsFolder) -> None:
-    """What was set aside goes."""
+    """Remove what was set aside."""
     for name in (GOOD, UNFINISHED_GOOD):
         shutil.rmtree(folder / name, ignore_errors=True)

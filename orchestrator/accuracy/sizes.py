@@ -126,7 +126,7 @@ def _source(config: Config, part: int) -> Source:
 
 
 def _pieces(config: Config, mesh: Mesh) -> list[tuple[Key, np.ndarray, str]]:
-    """What is meshed by itself: its key, its cells, its name."""
+    """Return what is meshed by itself: its key, its cells, its name."""
     found: dict[Key, tuple[list[int], str]] = {}
     for volume, name in enumerate(mesh.volumes):
         part, inside = -1 if name.startswith(f"{GROUND}[") else 0, name

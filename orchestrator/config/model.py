@@ -193,7 +193,7 @@ class Config(Part):
         return [1.0] * self.steps if history is None else list(self.histories[history])
 
     def factors(self, entries: Iterable[Any]) -> list[list[float]]:
-        """What multiplies each entry at every load step."""
+        """Return what multiplies each entry at every load step."""
         return [self.factors_of(entry.history) for entry in entries]
 
     def with_element(self, element: str) -> Config:

@@ -1,4 +1,4 @@
-"""What a stopped run goes on from: one ``Checkpoint`` after each iteration.
+"""Checkpoints that a stopped run goes on from: one ``Checkpoint`` after each iteration.
 
 It has the evaluation of the fixed point that the iteration was, what the coarse problem and the
 monitors remember, and where an increment of load steps has ended its fields. The acceleration is
@@ -113,7 +113,7 @@ def kind_of(name: str) -> str:
 
 
 def _states(latin: Latin, problem: Decomposition) -> dict[str, dict[str, Any]]:
-    """What each part of the method remembers, by its name."""
+    """Return what each part of the method remembers, by its name."""
     coarse = {} if problem.coarse is None else {"coarse": problem.coarse.state()}
     return coarse | {monitor.name: monitor.state() for monitor in latin.monitors}
 

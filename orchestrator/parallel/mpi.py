@@ -239,7 +239,7 @@ class MpiRanks(Team):
                        for rank in range(self.size) if rank != self.rank}
 
     def cause(self, error: BaseException) -> BaseException:
-        """What ended the run, as rank 0 shall say it."""
+        """Return what ended the run, as rank 0 shall say it."""
         if isinstance(error, Elsewhere):
             return error.error
         if isinstance(error, KeyboardInterrupt) and (lost := self.lost()):

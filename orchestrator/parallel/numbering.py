@@ -48,7 +48,7 @@ def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping
 
 @dataclass
 class Link:
-    """What a rank's part exchanges with others.
+    """Exchange of a rank's part with others.
 
     number, boundary_number : (D,) and (B,) int, its trace dofs and boundary dofs in the whole scene
     total, subdomain_count : trace dofs and subdomains of the whole scene

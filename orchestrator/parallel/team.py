@@ -85,7 +85,8 @@ class Team:
         return array
 
     def hand_out(self, make: Callable[[int], Any]) -> Any:
-        """What rank 0 makes for each rank, one after the other: nobody holds more than one of
+        """Return what rank 0 makes for each rank, one after the other: nobody holds more than one
+        of
         them.
         """
         return make(0)
@@ -102,7 +103,7 @@ class Team:
         """Have all others end for a failure after which this rank alone goes on."""
 
     def cause(self, error: BaseException) -> BaseException:
-        """What ended the run, where another rank's failure may be behind the error."""
+        """Return what ended the run, where another rank's failure may be behind the error."""
         return error
 
     def lost(self) -> list[int]:
@@ -149,7 +150,8 @@ def watched() -> bool:
 
 
 def share_memory() -> None:
-    """Make a folder of this rank's own for what Open MPI shares with others of its host, swept like all
+    """Make a folder of this rank's own for what Open MPI shares with others of its host, swept like
+    all
     others where it is killed.
     """
     if {BACKING,

@@ -103,7 +103,7 @@ def divided(config: Config, body: Body, problems: Problems) -> Divided:
 
 @dataclass(frozen=True)
 class SceneLoads:
-    """What loads the scene.
+    """Loads of a scene, on its nodes and in its cells.
 
     loads : (steps, N, 3) forces on split nodes
     thermal, body_force : see ``Scene``

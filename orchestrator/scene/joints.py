@@ -80,7 +80,9 @@ def joined(config: Config, cut: Divided, boundary: list[BoundaryEntry],
 
 
 def _matter(body: Body, boundary: list[BoundaryEntry]) -> SlaveMatter:
-    """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
+    """Return what chooses slaves; without materials, which are complained of elsewhere, all is
+    alike.
+    """
     young = np.array([m.young for m in body.materials] or [1.0])
     young = young[np.maximum(body.material, 0) if body.materials else 0 * body.material]
     held = np.zeros((len(body.mesh.nodes), 3), dtype=bool)

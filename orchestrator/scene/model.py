@@ -1,4 +1,4 @@
-"""What a scene is made of: a mesh, its subdomains, their interfaces.
+"""Parts of a scene: a mesh, its subdomains, their interfaces.
 
 Indices are zero-based. Lengths, forces and moduli are in the user's units.
 """
@@ -119,7 +119,7 @@ class BoundaryEntry:
 
     @property
     def ground(self) -> Ground | None:
-        """What is behind the faces, if they stand on something."""
+        """Return what is behind the faces, if they stand on something."""
         return self.does if isinstance(self.does, Ground) else None
 
     def of(self, faces: np.ndarray) -> BoundaryEntry:

@@ -1,4 +1,4 @@
-"""What is known of a whole scene where a part of it is at hand: numbers per subdomain and
+"""Knowledge of a whole scene where a part of it is at hand: numbers per subdomain and
 interface, what is difficult, what is near.
 """
 
@@ -24,7 +24,7 @@ class Beside:
 
 @dataclass(frozen=True)
 class Difficulty:
-    """What is difficult about a scene.
+    """Difficulties of a scene.
 
     mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
     incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
@@ -42,7 +42,8 @@ class Difficulty:
 
 @dataclass(frozen=True)
 class Overview:
-    """What a part of a scene knows of all of it: a number per subdomain or interface, and what is
+    """Overview that a part of a scene has of all of it: a number per subdomain or interface, and
+    what is
     one for all.
 
     sizes : (subdomains,) as of the ``Scene``

@@ -1,4 +1,4 @@
-"""What a sweep tells: a table with all numbers, on screen the few that most look for, and a figure
+"""Table of a sweep: all numbers, on screen the few that most look for, and a figure
 over the values that vary.
 """
 

@@ -1,4 +1,4 @@
-"""What the coarse contact problem corrects: every body moves in its affine, or its rigid, fields
+"""Correction by the coarse contact problem: every body moves in its affine, or its rigid, fields
 under the true laws, one that bends in its own softest modes (``soft_bodies``).
 
 The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
@@ -230,7 +230,7 @@ class CoarseCorrection:
         return result
 
     def state(self) -> dict[str, object]:
-        """What a resumed run has to know."""
+        """Return what a resumed run has to know."""
         return {"radius": self.radius, "begun": self.begun, "since": dict(self.since),
                 **self.problem.state()}
 

@@ -145,7 +145,8 @@ class Elimination:
         return result
 
     def _stale(self, blocks: np.ndarray) -> SideBySide:
-        """What is left to do where some of the blocks (k,) bool have changed: their fronts, and all
+        """Return what is left to do where some of the blocks (k,) bool have changed: their fronts,
+        and all
         above these.
         """
         order, bounds, ranks = self.shared
@@ -159,7 +160,7 @@ class Elimination:
         return SideBySide(order[kept], bounds_of(kept)[bounds], ranks)
 
     def _hand_up(self) -> None:
-        """What the subtrees of other ranks leave, to rank 0."""
+        """Send rank 0 what the subtrees of other ranks leave."""
         work, team, none = self._work, self.team, [np.empty(0)]
         if team.rank:
             if mine := self._handed[team.rank]:

@@ -5,7 +5,8 @@ A front lies in three pieces, L what is in the columns that it eliminates, U wha
 what is left. L and U are eliminated band after band. With P a band's own square, inverted, C below
 it and R beside it:
 
-    R ← P⁻¹ R,   what is below and beside ← that − C R,     S ← −(C of all bands) U + what the children leave
+    R ← P⁻¹ R,   what is below and beside ← that − C R,     S ← −(C of all bands) U + what the
+    children leave
 
 so that all but the inverses of small squares are products of BLAS, and every number is touched as
 seldom as can be: what takes time beside the products is to bring numbers to the cores. To be
@@ -45,7 +46,7 @@ def eliminate(start, stop, product, blocks, layout, room, runs):
 
 @loop
 def _entered(f, blocks, layout, own, work, right, runs):
-    """What enters a front: blocks of the matrix, and what its children leave in the rows and
+    """Return what enters a front: blocks of the matrix, and what its children leave in the rows and
     columns that it eliminates.
 
     right : (·,) takes U before it is multiplied
@@ -101,7 +102,7 @@ def _across(f, p, product, layout, own, beside, right):
 
 @loop
 def _left(f, product, layout, own, beside, work, runs):
-    """What a front leaves."""
+    """Return what a front leaves."""
     _, sizes, places, _, _, _, children, child, rests, _, within = layout
     a, m = sizes[f]
     S = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m)

@@ -31,7 +31,7 @@ ROUNDING = 1e-14  # of what forces do in the fields, below which ρ is noise
 
 @dataclass(frozen=True)
 class LinearSteps:
-    """What load steps have in common.
+    """Matrices and fields that load steps have in common.
 
     bodies : of the coarse problem; assembly : of the matrices
     grouped : fields at pairs that answer together; None where there are none here

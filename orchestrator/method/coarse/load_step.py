@@ -30,7 +30,7 @@ from orchestrator.parallel.team import Team
 
 @dataclass
 class Bodies:
-    """What the load steps have in common.
+    """Bodies, as all load steps have them.
 
     team : the ranks
     fields : at the node pairs of all interfaces that this rank touches
@@ -135,7 +135,7 @@ class LoadStep:
         return self.imbalance(self.answer(self.F).force)
 
     def answer(self, F: np.ndarray, derivative: bool = False) -> Answer:
-        """What the laws say at forces (3, Q)."""
+        """Return what the laws say at forces (3, Q)."""
         return self.fields.pairs.force(F, self.left, self.number, derivative=derivative)
 
     def linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

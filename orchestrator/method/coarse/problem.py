@@ -172,7 +172,7 @@ class CoarseProblem:
         return float((self.farthest * np.linalg.norm(y, axis=1)).max(initial=0.0))
 
     def state(self) -> dict[str, object]:
-        """What a resumed run has to know; factors are formed anew."""
+        """Return what a resumed run has to know; factors are formed anew."""
         return {"newton_steps": self.newton_steps, "ends": dict(self.ends)}
 
     def restore(self, state: Mapping[str, object]) -> None:

@@ -69,7 +69,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class ProbeRim:
-    """What an interface without faces on a surface does at nodes of its rim that count for
+    """Effect of an interface without faces on a surface at nodes of its rim that count for
     something else, on one side.
 
     interface, side : which; nodes : (k,) int, of that side; motions : (6, k, 3) what force and
@@ -94,7 +94,8 @@ class ProbedTets:
 
 
 class Carrier:
-    """What carries a probe's forces: of a section tets behind it and tets in front, of a surface
+    """Matter that carries a probe's forces: of a section tets behind it and tets in front, of a
+    surface
     those around its nodes."""
 
     def __init__(self, probe: ProbeSection | ProbeSurface, copies: Copies):
@@ -240,7 +241,7 @@ class Carrier:
 
 @dataclass(frozen=True)
 class ForceProbes:
-    """What probes of forces ask for, by their names.
+    """Maps that probes of forces ask for, by their names.
 
     carried : the maps that tell them; within : (k,) int, subdomains that carry them
     rims : of a resultant, what others do at its rim, where they do anything

@@ -33,7 +33,7 @@ REPEATS, PATIENCE = 60, 6  # of renewed limits of friction; of these, in a row, 
 
 @dataclass(frozen=True)
 class Question:
-    """What groups are asked for at a load step.
+    """Question that groups are asked at a load step.
 
     laws : what R points answer; group : (R,) int, of n groups, which is each point's
     felt : (3R, 3R) 1 − keq S, component after component

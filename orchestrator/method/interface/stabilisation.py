@@ -84,7 +84,7 @@ def _on_usual_soles(share: float, method, scale: float) -> float:
 
 
 def cautions(method) -> list[str]:
-    """What a number costs that is not far below the tolerance."""
+    """Return what a number costs that is not far below the tolerance."""
     asked, allowed = method.contact.stabilisation, allowed_residual(method.tolerance)
     if asked == "auto" or asked <= NOTICED * allowed:
         return []

@@ -202,7 +202,7 @@ def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int,
 
 
 def _not_positive(K: sp.csr_array, points: np.ndarray) -> str:
-    """What a stiffness (3n, 3n) that is not ≥ 0 does, in words; empty where it is."""
+    """Return what a stiffness (3n, 3n) that is not ≥ 0 does, in words; empty where it is."""
     rigid, scale = motions(points - points.mean(axis=0)).reshape(-1, 6), np.abs(K.diagonal())
     rigid = rigid / np.abs(rigid).max(axis=0)
     cost = np.abs(K @ rigid).max(axis=1) / np.where(scale > 0, scale, scale.max(initial=0.0) or 1.0)

@@ -1,4 +1,4 @@
-"""What watches the iterations, one file each: a monitor judges every one, and may end the run,
+"""Monitors of the iterations, one file each: a monitor judges every one, and may end the run,
 change the problem, or tell something.
 
 To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where
@@ -29,7 +29,7 @@ FIRST = 0.1  # what ``error: auto`` begins with, before there is an estimate
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a monitor says of an iteration, or all that have been asked so far together.
+    """Verdict of a monitor on an iteration, or all that have been asked so far together.
 
     met : whether the stopping criterion holds; None: no word on it
     reason : why this iteration is the last one; empty where another follows
@@ -110,7 +110,7 @@ class Evaluation:
 
 @dataclass
 class Case:
-    """What monitors are made for: load steps that are solved together.
+    """Case that monitors are made for: load steps that are solved together.
 
     problem : the decomposition for these load steps, as it is at the beginning
     method : ``method`` of the configuration
@@ -134,7 +134,7 @@ class Case:
 
     @cached_property
     def lengths(self) -> LengthScale:
-        """What displacements are compared with."""
+        """Return what displacements are compared with."""
         scale = LengthScale(self.problem)
         scale.told = max(scale.told, self.told)
         return scale
@@ -157,7 +157,7 @@ class Monitor:
         return cls()
 
     def judge(self, now: Evaluation) -> Verdict:
-        """What it says of an iteration."""
+        """Return what it says of an iteration."""
         raise NotImplementedError
 
     def change(self, now: Evaluation) -> Decomposition:
@@ -177,7 +177,7 @@ class Monitor:
         return problem
 
     def found(self, problem: Decomposition) -> list[Any]:
-        """What is delivered of it once the iterations of the case have ended:
+        """Return what is delivered of it once the iterations of the case have ended:
         ``Iterated.found[name]``.
         """
         return []

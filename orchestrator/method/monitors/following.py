@@ -60,7 +60,8 @@ class Following:
         self.place = np.zeros((1, self.space.size))
 
     def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
-        """What a load step begins with where another one has ended: points that carry nothing keep
+        """Return what a load step begins with where another one has ended: points that carry
+        nothing keep
         their jumps.
 
         pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which

@@ -12,7 +12,8 @@ Where laws are the slopes of energies this is convex, and the forces that D need
 k B ū) is the answer, in closed form, where a node is in one pair alone. Where pairs share nodes,
 one step of Newton's method from there has to do: with λ⁺ and d⁺ of the closed form, A = ∂f̂/∂F,
 
-    v = ū − D⁻¹Bᵀ(λ⁺ − λ̂ + y),     B v = d⁺ + (1 − a)/(a k) y     in the directions in which A stretches by a > 0
+    v = ū − D⁻¹Bᵀ(λ⁺ − λ̂ + y),     B v = d⁺ + (1 − a)/(a k) y     in the directions in which A
+    stretches by a > 0
 
 Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is
 held as well. What is at odds with the rest, where several interfaces meet in a node, and what pulls
@@ -85,7 +86,7 @@ class AdmissibleDisplacement:
 
     @cached_property
     def linked(self) -> Constraint:
-        """What forces at the points do to all jumps; all ranks have to ask."""
+        """Return what forces at the points do to all jumps; all ranks have to ask."""
         return self.continuity.constrained(self.rows)
 
     @cached_property
@@ -182,7 +183,8 @@ class AdmissibleDisplacement:
 
     def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History,
                 number: int) -> HeldJumps:
-        """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside
+        """Return what laws hold whatever the price that jumps (3, P) break by more than ``least``,
+        beside
         λ̂ (3, P) where they have no price.
         """
         pairs, force = self.beside, np.where(self.prices, 0.0, force)
@@ -198,7 +200,8 @@ class AdmissibleDisplacement:
         return self.pairs.transfer.jump(self.continuity.traces(mean, known)[0]) + self.pairs.slid
 
     def _held(self, answer: Answer, chosen: np.ndarray, goal: np.ndarray) -> HeldJumps:
-        """What the laws hold at those pairs that are chosen (P,), by their answer; ``goal``: (3,
+        """Return what the laws hold at those pairs that are chosen (P,), by their answer; ``goal``:
+        (3,
         P).
         """
         kept = chosen[answer.active]
@@ -224,7 +227,8 @@ class AdmissibleDisplacement:
         return replace(held, goals=held.of(goal))
 
     def _together(self, answer: Answer, goal: np.ndarray) -> tuple[HeldJumps, sp.csr_array]:
-        """What pairs that answer together hold, and the common jumps (r, groups) that leave them
+        """Return what pairs that answer together hold, and the common jumps (r, groups) that leave
+        them
         free; ``goal``: (3, P).
         """
         groups = [] if answer.collective is None else [(at, given)

@@ -64,7 +64,7 @@ class Bound:
 
     @classmethod
     def joined(cls, batches: Sequence[Bound]) -> Bound:
-        """What is known of all load steps from batches of them, in order; no bound holds for
+        """Return what is known of all load steps from batches of them, in order; no bound holds for
         all.
         """
         return cls(np.nan, np.nan, np.concatenate([b.energy for b in batches]),
@@ -118,7 +118,7 @@ class ErrorBound:
         return wider
 
     def first(self, fields: Admissible) -> tuple[Bound, np.ndarray, np.ndarray]:
-        """What is known without back-substitutions; u + R c (T, B); and a² (T,)."""
+        """Return what is known without back-substitutions; u + R c (T, B); and a² (T,)."""
         c = self.balance.reposition(fields.extended[0])
         u = fields.u + self.modes.moved(c)
         delta = self.continuity(u, self.stage.loading.known)

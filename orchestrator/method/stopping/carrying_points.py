@@ -21,7 +21,7 @@ FIRST = "J", "ends", "group"
 
 @dataclass
 class Reach(Carries):
-    """What P points of bodies may carry.
+    """Forces that P points of bodies may carry.
 
     J : (P, 3, 12) jumps in the motions of the body on side 1, then of that on side 2; zero columns
         where it is held. For ``unresisted`` (P, 3, 13): the last one goes with what supports

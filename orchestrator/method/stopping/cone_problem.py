@@ -186,7 +186,8 @@ class _Cones:
         self._add(limited + size, [clarabel.SecondOrderConeT(4)] * len(given))
 
     def _bonds(self, reach: Reach, across: np.ndarray) -> tuple[list[sp.csr_array], np.ndarray]:
-        """What vanishes where forces are not limited, interface by interface, as few rows as say
+        """Return what vanishes where forces are not limited, interface by interface, as few rows as
+        say
         the same; and what acts in the motions
         that are free there, one unknown each."""
         found, works, bound = [], [], np.isinf(reach.limit)

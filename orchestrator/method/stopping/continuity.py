@@ -87,7 +87,8 @@ class Continuity:
         return self.constrained(self.rows)
 
     def constrained(self, rows: sp.csr_array) -> Constraint:
-        """What holds C w where it is asked for; all ranks have to ask; ``rows``: C (r, D + G), this
+        """Return what holds C w where it is asked for; all ranks have to ask; ``rows``: C (r, D +
+        G), this
         rank's.
         """
         space, team = self.space, self.space.team
@@ -138,7 +139,8 @@ class Constraint:
         self.matrix, self.mine, self.spread, self.team = matrix, mine, spread, team
 
     def some(self, pick: sp.csr_array, soft: sp.csr_array) -> Constraint:
-        """What holds combinations P C w, but for what they give way by; all ranks have to ask.
+        """Return what holds combinations P C w, but for what they give way by; all ranks have to
+        ask.
 
         pick : P (s, r'), this rank's; soft : (s, s) symmetric, how far unit forces move what holds
             them

@@ -2,7 +2,8 @@
 
 They are relative to the exact ‖u‖, of which u_h has more or less. With e = u − u_h
 
-    ‖u‖² = ‖u_h‖² − ‖e‖² + 2 f·e,      f·e = ‖e‖² where loads alone act, 0 where displacements alone are prescribed:
+    ‖u‖² = ‖u_h‖² − ‖e‖² + 2 f·e,      f·e = ‖e‖² where loads alone act, 0 where displacements alone
+    are prescribed:
 
 a mesh is too stiff, so that loads do too little work on it and prescribed displacements too much.
 Where both act f·e is taken for the share of loads in the work, of ‖e‖². Beyond ‖e‖ = ‖u‖, where a
@@ -89,7 +90,7 @@ class Estimator:
         self._prepare(nodes, label)
 
     def _prepare(self, nodes: np.ndarray, label: np.ndarray) -> None:
-        """What a kind of estimate needs of the mesh."""
+        """Prepare what a kind of estimate needs of the mesh."""
 
     @classmethod
     def of(cls, scene: Scene) -> Estimator:
@@ -181,7 +182,9 @@ class Estimator:
         raise NotImplementedError
 
     def energies_of(self, sigma: np.ndarray) -> np.ndarray:
-        """(m,) ∫ σ : C⁻¹σ of the cells, from their stress (6, p, m):  C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ."""
+        """(m,) ∫ σ : C⁻¹σ of the cells, from their stress (6, p, m):  C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ
+        I) / 2μ.
+        """
         first, second = self.lame.T
         squares = sum(weight * mean_square(component) for component, weight in zip(sigma, _WEIGHT))
         return (squares - first / (3 * first + 2 * second)
@@ -205,7 +208,8 @@ def exact_energy(energy: np.ndarray, errors: np.ndarray, work: np.ndarray) -> np
 
 
 def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
-    """What estimated errors are relative to, from ‖u‖² (T,): what rounding leaves of zero has no
+    """Return what estimated errors are relative to, from ‖u‖² (T,): what rounding leaves of zero
+    has no
     error of its own.
 
     alone : (T,) energies of which ``squares`` would be rounding

@@ -55,7 +55,7 @@ class Enough:
 
 
 class Dual(NamedTuple):
-    """What is known of hᵀS⁺h, T load steps.
+    """Bounds on hᵀS⁺h, T load steps.
 
     energy : (T,) of all subdomains; infinite where it is not reached
     sweeps : back-substitutions spent
@@ -222,7 +222,9 @@ def _reach_of(softness: np.ndarray, taken: Sequence[tuple[np.ndarray, np.ndarray
 
 
 def _tail(steps: list[float]) -> float:
-    """What the steps to come would add: a geometric series, at the slower of the last two rates."""
+    """Return what the steps to come would add: a geometric series, at the slower of the last two
+    rates.
+    """
     last = steps[-3:]
     rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
     rate = min(max(rates, default=SLOWEST), SLOWEST)

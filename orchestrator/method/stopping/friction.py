@@ -1,4 +1,4 @@
-"""What Coulomb's friction makes of the energy error: the factor with which it is guaranteed, where
+"""Energy error with Coulomb's friction: the factor with which it is guaranteed, where
 it can be.
 
 E of ``stopping.certificate`` takes the limits of friction from its own pressures p̂. Expanded about

@@ -19,7 +19,7 @@ EXACT_LIMIT = 50_000
 
 @dataclass(frozen=True)
 class Measures:
-    """What is known of one iteration before any criterion.
+    """Measures of one iteration, before any criterion.
 
     indicator : the paper's η, see ``latin_parts``
     displacement_jump : ‖B w‖ / ‖w‖, weighted by the diagonal of k⁻

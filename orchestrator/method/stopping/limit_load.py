@@ -127,7 +127,7 @@ class LimitLoads:
         return bool(self.bodies.loose.any())
 
     def reach(self, local: LawStage, number: float, state: State = None) -> Reach:
-        """What this rank's points may carry at a load step of the scene; parameters as of
+        """Return what this rank's points may carry at a load step of the scene; parameters as of
         ``__call__``.
         """
         pairs = local.pairs
@@ -187,7 +187,7 @@ class LimitLoads:
                                                   prescribed=True)
 
     def _of_all(self, reach: Reach, judge: Callable[[Reach], Any]) -> Any:
-        """What rank 0 finds of all ranks' points, on all of them."""
+        """Return what rank 0 finds of all ranks' points, on all of them."""
         parts = self.team.gather(reach.extremes())
         return self.team.share(parts and judge(Reach.joined(parts)))
 

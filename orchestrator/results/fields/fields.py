@@ -121,7 +121,7 @@ class Fields:
                        displacement=drawn.displacement[:, node], joined=None)
 
     def __getstate__(self) -> dict[str, object]:
-        """What others cannot compute themselves."""
+        """Return what others cannot compute themselves."""
         return {field.name: getattr(self, field.name) for field in dataclass_fields(self)}
 
     def some(self, chosen: np.ndarray) -> Fields:

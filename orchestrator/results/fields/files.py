@@ -79,7 +79,8 @@ def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
 
 def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
           shown: np.ndarray | slice) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a
+    """Return what a step's file says of the nodes and cells drawn: places ``at`` of those that have
+    a
     stress, cells ``shown`` of all.
     """
     sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
@@ -197,7 +198,7 @@ def _in_order(sizes: Sequence[int]) -> list[int]:
 
 
 def _kind(name: str, values: np.ndarray) -> str:
-    """What is said of an array's numbers."""
+    """Return what is said of an array's numbers."""
     kind = {"i": "Int", "u": "UInt",
             "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
     return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"'

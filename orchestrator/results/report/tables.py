@@ -186,7 +186,8 @@ def _contact(summary: Mapping[str, object]) -> Iterator[Table]:
 
 def _errors(summary: Mapping[str, object],
             history: Mapping[str, Sequence[float]]) -> Iterator[Table]:
-    """What each mesh has left, where the error comes from, and what the iterations were judged by,
+    """Return what each mesh has left, where the error comes from, and what the iterations were
+    judged by,
     with formulas.
     """
     found = (summary.get("accuracy") or {}).get("meshes") or ()

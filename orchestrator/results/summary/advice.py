@@ -55,7 +55,9 @@ class Stopped:
 
     @property
     def reached(self) -> float:
-        """What the tolerance is compared with, as it is in the end; nan where it is not known."""
+        """Return what the tolerance is compared with, as it is in the end; nan where it is not
+        known.
+        """
         last = self.iterated.last
         return last.law_residual if last.target[
             0] == "law_residual" else self.iterated.bound.relative

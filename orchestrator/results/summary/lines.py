@@ -144,7 +144,9 @@ def filled(template: str, fields: Mapping[str, object], *told: object) -> str:
 
 
 def _view(summary: Mapping[str, object]) -> dict[str, object]:
-    """What templates read: a summary as it is written, with units and what several keys tell."""
+    """Return what templates read: a summary as it is written, with units and what several keys
+    tell.
+    """
     found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {
         "config": summary.get("config") or {}
     }

@@ -1,4 +1,5 @@
-"""What probes read: points and lines in their tets, surfaces by their faces, sections between tets.
+"""Places that probes read: points and lines in their tets, surfaces by their faces, sections
+between tets.
 
 Points and lines name tets by their numbers in the whole mesh, wherever these are. Of surfaces and
 sections a part of a scene has what is on its own cells: ``of_part``.

@@ -1,4 +1,4 @@
-"""What supports keep subdomains from as rigid bodies: six numbers' worth each, from whichever rank
+"""Rigid motions that supports keep subdomains from: six numbers' worth each, from whichever rank
 has its nodes.
 
 Loose bodies: those that nothing but contact could hold; interfaces that join bodies wholly, or in

@@ -1,4 +1,4 @@
-"""What lies between faces that look at each other: no pair reaches through another body."""
+"""Bodies between faces that look at each other: no pair reaches through another body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands on a rigid ground: ``foundation``, springs along the normal and across it, or along
+"""Supports on a rigid ground: ``foundation``, springs along the normal and across it, or along
 three directions, and ``coupling``, a point that a surface follows, rigidly or in the mean; each
 of its six motions is prescribed or loaded.
 """

@@ -1,4 +1,5 @@
-"""What all grains of a tessellation share: vertices, edges divided into elements, faces; which
+"""Parts that all grains of a tessellation share: vertices, edges divided into elements, faces;
+which
 grains are at each, and numbers for their nodes.
 """
 

@@ -52,7 +52,9 @@ class Grains:
         self.sound = bool(self._narrow)
 
     def plane(self) -> Tessellation:
-        """What they are now, with plane faces: those that are not are cut into their triangles."""
+        """Return what they are now, with plane faces: those that are not are cut into their
+        triangles.
+        """
         parts = [(list(part), self.cells[face]) for face, loop in sorted(self.loops.items())
                  for part in ([loop] if _flat(self.points[loop]) else self.triangles[face])]
         kept, corners = np.unique(np.concatenate([loop for loop, _ in parts]), return_inverse=True)

@@ -37,7 +37,7 @@ class Scope:
 
     @property
     def prefix(self) -> str:
-        """What stands before names where others than its own cards use them."""
+        """Return what stands before names where others than its own cards use them."""
         return self.name and self.name + "."
 
 

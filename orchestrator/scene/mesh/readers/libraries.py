@@ -93,7 +93,7 @@ def read_msh(path: Path) -> meshio.Mesh:
 
 
 def _own(path: Path) -> meshio.Mesh:
-    """What meshio reads of gmsh's own format, all groups with their names."""
+    """Return what meshio reads of gmsh's own format, all groups with their names."""
     found = quietly(path)
     found.field_data = named_groups(path)
     return found
