@@ -5,9 +5,12 @@ residual r = F(s) − s, in the norm of (k⁺)⁻¹, then a step along its resid
 
     s ← s + β r − Σ γ_i (Δs_i + β Δr_i),     γ = argmin ‖r − Σ γ_i Δr_i‖
 
-Each load step has its own γ and its own window. A body that snaps in one load step has the largest
-residual by far: one γ for all load steps would serve that one alone. A window is dropped when its
-residual has grown far beyond the best one: the statuses that it speaks of are gone.
+Each load step has a γ of its own, of least residual in it and in those before, whose history it
+has. A body that snaps in one load step has the largest residual by far: with one γ for all of them
+those before would wait for it.
+
+The window is dropped when the residual has grown far beyond the best one: the statuses that it
+speaks of are gone.
 
 Differences are kept in double precision: single moves a state by 6e-8 of its last changes, and a
 body that stabilisation alone holds by that over ε. Ten grains at 1e-10 then stagnate at 6e-10.
@@ -51,7 +54,7 @@ class Anderson(Acceleration):
         self.team, self.forget = team, forget
         self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
-        self.kept = self.smallest = np.empty(0)  # (T,) differences in each window, least ‖r‖
+        self.kept, self.smallest = 0, np.inf  # differences in the window, least ‖r‖
         # (T, m, m) Δr_i·Δr_j, and (T, m) Δr_i·r of the latest r
         self.gram = self.right = np.empty(0)
         self.changes = self.differences = np.empty(0)  # (T, m, D) Δs + β Δr, and root Δr
@@ -71,7 +74,7 @@ class Anderson(Acceleration):
 
     @property
     def depth(self) -> int:
-        return 1 + int(self.kept.max(initial=0))
+        return 1 + self.kept
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; among ranks one message."""
@@ -87,17 +90,18 @@ class Anderson(Acceleration):
             self.gram[:, self.place] = self.gram[:, :, self.place] = products[..., 0]
             self.right = products[..., 1]
             self.place = (self.place + 1) % self.memory
-            self.kept = np.minimum(self.kept + 1, self.memory)
-        size = np.sqrt(square)
-        gone = size > self.forget * self.smallest
-        self._drop(gone)
-        self.smallest = np.where(gone, size, np.minimum(size, self.smallest))
+            self.kept = min(self.kept + 1, self.memory)
+        size = float(np.sqrt(square.sum()))
+        if size > self.forget * self.smallest:
+            self._begin(*s.shape)
+            self.smallest = size
+        self.smallest = min(self.smallest, size)
         self.latest = s, residual
         return residual
 
     def _begin(self, steps: int, columns: int) -> None:
-        """Make windows for so many load steps; the system gives memory to what is written."""
-        self.kept, self.smallest = np.zeros(steps, dtype=int), np.full(steps, np.inf)
+        """Begin with an empty window; the system gives memory to what is written."""
+        self.kept = 0
         self.gram = np.zeros((steps, self.memory, self.memory))
         self.right = np.zeros((steps, self.memory))
         self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
@@ -112,18 +116,13 @@ class Anderson(Acceleration):
         difference *= self.root
         return difference
 
-    def _drop(self, gone: np.ndarray) -> None:
-        """Empty the windows of some load steps (T,): differences of nothing have no part in γ."""
-        self.kept[gone] = 0
-        for step in np.flatnonzero(gone):
-            self.differences[step] = self.gram[step] = self.right[step] = 0.0
-
     def next(self) -> np.ndarray:
         s, residual = self.latest
-        size = np.sqrt(np.diagonal(self.gram, axis1=1, axis2=2))
+        gram, right = self.gram.cumsum(axis=0), self.right.cumsum(axis=0)
+        size = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
         size[size == 0] = 1.0
-        scaled = self.gram / (size[:, :, None] * size[:, None, :])
+        scaled = gram / (size[:, :, None] * size[:, None, :])
         scaled += REGULARISATION * np.eye(self.memory)
-        gamma = np.linalg.solve(scaled, (self.right / size)[..., None])[..., 0] / size
+        gamma = np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size
         extrapolated = (gamma[:, None, :] @ self.changes)[:, 0]
         return s + self.relaxation * residual - extrapolated
