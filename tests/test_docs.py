@@ -250,9 +250,11 @@ def parts_of(annotation) -> list:
 @pytest.mark.long
 def test_python_shown_runs_and_prints_what_it_says(tmp_path, capsys, monkeypatch):
     """Numbers behind ``print(…)   # …`` are those that are printed, but for rounding."""
-    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    for folder in ("configs", "meshes"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     monkeypatch.chdir(tmp_path)
-    blocks = [block for path in DOCUMENTS for block in code_blocks(path, "python")]
+    blocks = [block for path in DOCUMENTS for block in code_blocks(path, "python")
+              if "sys.argv" not in block]  # scripts are called where tutorials are followed
     assert blocks
     handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
     for block in blocks:
