@@ -106,6 +106,7 @@ class Law:
     perfect : the sides move as one: its local stage is an exchange, the error bound holds where all
         laws are so
     as_one : the jump is given, whatever the force: the sides deform as one
+    spread : springs per area as it is, however bent; others act on what is seen along the normal
     presses : what passes depends on whether sides are pressed or pulled
     axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
@@ -176,6 +177,7 @@ class Law:
     meaning: ClassVar[str] = ""
     perfect: ClassVar[bool] = False
     as_one: ClassVar[bool] = False
+    spread: ClassVar[bool] = False
     pairwise: ClassVar[bool] = True
     loops: ClassVar[Callable[..., Answer] | None] = None
     axial: ClassVar[bool] = False

@@ -79,6 +79,7 @@ class Cohesive(Law):
     formula = "f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n"
     meaning = "glue that breaks: traction up to the strength, then less, until the toughness is spent"
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
+    spread = True
     variables = (Variable("damage", "0 where the glue is whole, 1 where it is broken"),)
     measures = (
         Measure("glue", "glue",

@@ -56,7 +56,7 @@ class Elastic(Law):
     formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
     meaning = "springs of the stiffness k per area"
     has_history = False
-    convex, prices = True, True
+    convex, prices, spread = True, True, True
     statuses = (SPRUNG, TAUT, SLACK, BONDED)
     measures = (
         Measure("spring", "spring law", "max |f − k A d| k_eq / (k_eq + k A) / A / max |f| / A",

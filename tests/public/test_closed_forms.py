@@ -67,6 +67,19 @@ def test_elastic_springs_in_shear():
     assert found.interfaces.slip[0, :, 2] == pytest.approx(np.full(9, stress / 40.0), rel=ROUNDING)
 
 
+@pytest.mark.parametrize("pull", [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]])
+def test_elastic_springs_on_steps(pull):
+    """F = k A d with all the area of a cut that runs along tets, whichever way rigid halves go."""
+    law = {"law": "elastic", "stiffness_n": 2.0, "stiffness_t": 2.0}
+    found = solved(bars(law, {"displacement": pull}), materials=[{"young": 1e9, "poisson": 0.0}],
+                   mesh={"box": {"size": [2 * LENGTH, 1, 1], "cells": [5, 2, 2]}},
+                   subdomains={"grid": [2, 1, 1]})
+    a, b, c = np.moveaxis(found.interfaces.points[0][found.interfaces.triangles], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert area > 1.2
+    assert found.reactions[1, 0] == pytest.approx(2.0 * area * np.array(pull), abs=1e-6)
+
+
 def test_elastic_springs_of_tension_only():
     """Slack where pushed, so that sides pass through each other; springs where pulled."""
     law = {"law": "elastic", "stiffness_n": 250.0, "stiffness_t": 100.0, "tension_only": True}

@@ -165,8 +165,8 @@ class Geometry:
 
     normal : (n, 3) unit, from side 1 to side 2
     acting : (n, 3) the same within the components that the law acts in; length : (n,) left of each
-    area : (n,) that each stands for, seen along its normal where laws press; 0 at nodes that carry
-        no point
+    area : (n,) that each stands for, seen along its normal where laws press, as it is where they
+        are springs or weights; 0 at nodes that carry no point
     """
 
     normal: np.ndarray
@@ -193,7 +193,7 @@ def geometry_of(points: np.ndarray, interface: Interface, shares: np.ndarray) ->
         area = np.einsum("ni,ni->n", vectors, normal)
         if not len(interface.triangles):
             area = np.full(len(points), np.inf)
-        elif interface.law.as_one:  # no pressure, but a weight: as much of a face as there is
+        elif interface.law.as_one or interface.law.spread:  # as much of a face as there is, however it is bent
             area = node_areas(points, interface.triangles, shares)
     else:
         area, free = np.zeros(len(points)), np.ones_like(free)

@@ -87,8 +87,8 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            along = vectors[group[number]][nodes]
-            i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one, along)
+            i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one,
+                                   vectors[group[number]][nodes], spread=i.law.spread)
             if i.law.perfect and i.triangles.shape[1] == 6:
                 i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True

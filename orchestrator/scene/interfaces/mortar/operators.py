@@ -65,8 +65,8 @@ class Mortar:
         neighbours
     first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are
         there: times what is prescribed, they give the known part of the jump
-    area : (p,) that each point stands for, seen along its normal; on plane faces they sum to the
-        area that the sides have in common
+    area : (p,) that each point stands for, seen along its normal unless ``spread``; on plane
+        faces they sum to what the sides have in common
     normal : (p, 3) unit, from side 1 to side 2
     gap : (p,) distance of the sides along it, of the surfaces that facets stand for, negative
         inside each other; whether it counts is the law's business
@@ -149,14 +149,14 @@ TURNED = [0, 2, 1, 5, 4, 3]
 
 def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
                 as_one: bool = False, vectors: np.ndarray | None = None,
-                held: np.ndarray | None = None) -> Mortar:
+                held: np.ndarray | None = None, spread: bool = False) -> Mortar:
     """Points and transfer operators.
 
     surfaces : slave and master
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
     crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that
         have no point here
-    as_one : whether the law joins the sides
+    as_one, spread : as the law is
     vectors : (n₁, 3) along the normals, where more facets than these shape them
     held : (n₁, 3) bool, components that are prescribed on both sides; None: as ``Surfaces.held``
         has it
@@ -170,7 +170,7 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     for better in (~crossed, stands_for >= COVERED * weights.around):
         # where there are none of these, one is better than none; more would say twice what other
         # interfaces say
-        most = np.arange(len(wanted)) == np.argmax(np.where(wanted, weights.area, -1.0))
+        most = np.arange(len(wanted)) == np.argmax(wanted * weights.area)
         wanted = wanted & better if (wanted & better).any() else wanted & most
     points, sums = merged(candidates, wanted, surfaces.carriers)
     stands = sums @ weights.area
@@ -193,7 +193,8 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     gap = -np.einsum("pi,pi->p", at, offset) - (sums @ (weights.area * surfaces.filled)) / stands
     turned, live = triangles[1][:, TURNED[: triangles[1].shape[1]]], ~held
     second = linked(other, facets, offset, x2, triangles[1][:, :3])
-    return Mortar(points, only(own, live), only(second, live), np.linalg.norm(seen, axis=1), at,
+    return Mortar(points, only(own, live), only(second, live),
+                  stands if spread else np.linalg.norm(seen, axis=1), at,
                   gap, turned,
                   surfaces.behind[1], free[1], hats(points, triangles[0]), live)
 
