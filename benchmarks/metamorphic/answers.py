@@ -142,10 +142,24 @@ def bodies(solution: Solution) -> list[tuple[int, str]]:
 
 
 def _answered(solution: Solution) -> Answer:
-    mesh, u = solution.scene.mesh, solution.displacement
+    mesh = solution.scene.mesh
     nodes = {name: np.unique(mesh.cells[mesh.volume == number]) for number, name in bodies(solution)}
+    parts = {name: _displacement(solution, number)[:, nodes[name]] for number, name in bodies(solution)}
     return Answer(
         CONVERGED, "; ".join(solution.summary["warnings"]), solution.error_bound,
-        {name: u[:, n] for name, n in nodes.items()}, solution.reactions,
+        parts, solution.reactions,
         np.array(solution.summary["reaction_moments"]["moments"], float).reshape(solution.reactions.shape), solution.energy,
         {name: mesh.nodes[n] for name, n in nodes.items()}, vectors(solution.summary["probes"]), solution)
+
+
+def _displacement(solution: Solution, number: int) -> np.ndarray:
+    """(T, n, 3) of a volume on the nodes of the mesh: bodies that open may share nodes of it, at which ``displacement`` is their mean."""
+    scene, sides = solution.scene, solution.fields.sides
+    if sides is None:
+        return solution.displacement
+    total, count = np.zeros_like(solution.displacement), np.zeros(len(scene.mesh.nodes))
+    for e in np.unique(scene.cell_subdomain[scene.mesh.volume == number]):
+        nodes = scene.subdomains[e].nodes
+        total[:, nodes] += sides[e]
+        count[nodes] += 1
+    return total / np.maximum(count, 1)[:, None]
