@@ -92,7 +92,8 @@ class Anderson(Acceleration):
             self.place = (self.place + 1) % self.memory
             self.kept = min(self.kept + 1, self.memory)
         size = float(np.sqrt(square.sum()))
-        if size > self.forget * self.smallest:
+        self.snapped = size > self.forget * self.smallest
+        if self.snapped:
             self._begin(*s.shape)
             self.smallest = size
         self.smallest = min(self.smallest, size)
