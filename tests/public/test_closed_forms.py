@@ -262,18 +262,3 @@ def test_a_bolt_takes_its_share(then, share):
                                           rel=ROUNDING)
     assert total == pytest.approx([100, bolt["force"][1] + sleeves, 100], rel=ROUNDING)
     assert bolt["shortening"][0] == pytest.approx(100 * 3 / (3 * YOUNG), rel=ROUNDING)
-
-
-def test_a_torque_beyond_friction_is_a_limit_load():
-    """A coupling that presses a knob and leaves it free to turn holds no torque."""
-    found = stopped({
-        "name": "knob", "subdomains": "groups", "materials": [STEEL],
-        "parts": [{"name": "plate", "mesh": {"box": {"size": [3, 3, 1], "cells": [3, 3, 1]}}},
-                  {"name": "knob", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}},
-                   "move": {"translate": [1, 1, 1]}}],
-        "boundary": [{"on": "plate/zmin", "displacement": HELD},
-                     {"on": "knob/zmax", "coupling": {
-                         "kind": "distributed", "displacement": [0, 0, -0.001],
-                         "rotation": [0, 0, None], "moment": [0, 0, 50.0]}}],
-        "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}]})
-    assert found.stop_reason == "limit load"
