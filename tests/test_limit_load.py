@@ -199,3 +199,16 @@ def test_a_jammed_wedge_that_is_let_go_and_pulled_stays(tmp_path):
     resumed, heard = stopped_and_resumed(tmp_path / "resumed", made, solved.scene, [3, solved.iterations - 12, solved.iterations - 2])
     assert resumed.converged and abs(resumed.iterations - solved.iterations) <= 3
     assert max(np.abs(u - v).max() for u, v in zip(solved.parts, resumed.parts)) <= 1e-3 * max(np.abs(u).max() for u in solved.parts)
+
+
+def test_a_torque_beyond_the_friction_of_a_coupled_face_is_a_limit_load():
+    """A coupling that presses a knob and leaves it free to turn holds no torque: its ground is no part of the knob."""
+    plate = {"name": "plate", "mesh": {"box": {"size": [3, 3, 1], "cells": [3, 3, 1]}}}
+    knob = {"name": "knob", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [1, 1, 1]}}
+    turned = {"kind": "distributed", "displacement": [0, 0, -0.001], "rotation": [0, 0, None], "moment": [0, 0, 50.0]}
+    made = config_from({
+        "name": "knob", "subdomains": "groups", "parts": [plate, knob], "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "boundary": [{"on": "plate/zmin", "displacement": [0, 0, 0]}, {"on": "knob/zmax", "coupling": turned}],
+        "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}]})
+    assert solve(made).stop_reason == "limit load"

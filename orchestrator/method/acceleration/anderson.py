@@ -55,9 +55,6 @@ class Anderson(Acceleration):
         self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
         self.kept, self.smallest = 0, np.inf  # differences in the window, least ‖r‖
-        # (T, m, m) Δr_i·Δr_j, and (T, m) Δr_i·r of the latest r
-        self.gram = self.right = np.empty(0)
-        self.changes = self.differences = np.empty(0)  # (T, m, D) Δs + β Δr, and root Δr
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -80,40 +77,41 @@ class Anderson(Acceleration):
         """Take in an evaluation; among ranks one message."""
         s, residual = evaluated.s, image - evaluated.s
         weighted = self.root * residual
+        square = dots(weighted, weighted)
         if self.latest is None:
             self._begin(*s.shape)
-            square, = self.team.sum(dots(weighted, weighted))
+            square, = self.team.sum(square)
         else:
             difference = self._remember(s, residual)
             both = np.stack([difference, weighted], axis=2)  # (T, D, 2)
-            square, products = self.team.sum(dots(weighted, weighted), self.differences @ both)
+            square, products = self.team.sum(square, self.differences @ both)
             self.gram[:, self.place] = self.gram[:, :, self.place] = products[..., 0]
             self.right = products[..., 1]
             self.place = (self.place + 1) % self.memory
             self.kept = min(self.kept + 1, self.memory)
-        size = float(np.sqrt(square.sum()))
+        size = np.sqrt(square.sum())
         self.snapped = size > self.forget * self.smallest
         if self.snapped:
             self._begin(*s.shape)
-            self.smallest = size
-        self.smallest = min(self.smallest, size)
+        self.smallest = size if self.snapped else min(self.smallest, size)
         self.latest = s, residual
         return residual
 
     def _begin(self, steps: int, columns: int) -> None:
         """Begin with an empty window; the system gives memory to what is written."""
         self.kept = 0
+        # (T, m, m) Δr_i·Δr_j, and (T, m) Δr_i·r of the latest r
         self.gram = np.zeros((steps, self.memory, self.memory))
         self.right = np.zeros((steps, self.memory))
+        # (T, m, D) Δs + β Δr, and root Δr
         self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
 
     def _remember(self, s: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Keep the latest differences; return root Δr (T, D)."""
         s_before, r_before = self.latest
         change, difference = self.changes[:, self.place], self.differences[:, self.place]
-        np.subtract(residual, r_before, out=difference)
-        np.subtract(s, s_before, out=change)
-        change += self.relaxation * difference
+        difference[:] = residual - r_before
+        change[:] = s - s_before + self.relaxation * difference
         difference *= self.root
         return difference
 
@@ -125,5 +123,4 @@ class Anderson(Acceleration):
         scaled = gram / (size[:, :, None] * size[:, None, :])
         scaled += REGULARISATION * np.eye(self.memory)
         gamma = np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size
-        extrapolated = (gamma[:, None, :] @ self.changes)[:, 0]
-        return s + self.relaxation * residual - extrapolated
+        return s + self.relaxation * residual - (gamma[:, None, :] @ self.changes)[:, 0]

@@ -1,4 +1,4 @@
-"""Bodies, what joining laws make of subdomains, and the rigid motions that their supports leave."""
+"""Bodies, what joining laws make of subdomains, and the rigid motions that supports leave them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from orchestrator.laws.base import Law
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.loading import bodies_of
 from orchestrator.scene.conditions.rigid import motions_about, RIGID
+from orchestrator.scene.mesh.geometry import unit
 
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
 
@@ -18,17 +19,18 @@ class JoinedBodies:
     """The bodies of one decomposition, the same on all ranks.
 
     joins : whether a law makes one body of both sides
+    grounds : whether what grounds keep bodies from counts as held, too
 
     count, names : of the bodies; of what is joined, the first one's name
     body : (subdomains,) int, the body of each; own : of this rank's subdomains
     size, centre : (count,) half the diagonal of the box around each, and (count, 3) its middle
     motions : per own subdomain (boundary dofs, 6) of the body's translations, and of its rotations about the centre over its size
     gram : (count, 6, 6) products of these over all boundary dofs
-    held : (count, 6, 6) the same over the dofs that supports hold
+    held : (count, 6, 6) the same over the dofs that supports hold, and over what grounds keep
     loose : (count, 6, 6) combinations of the motions that supports leave; zero columns for the others
     """
 
-    def __init__(self, d: Decomposition, joins: Callable[[Law], bool]):
+    def __init__(self, d: Decomposition, joins: Callable[[Law], bool], grounds: bool = False):
         self.team, self.boundary = d.space.team, d.space.boundary
         subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
         self.count, self.body = bodies_of(d.scene, joins)
@@ -45,10 +47,17 @@ class JoinedBodies:
         self.gram, held = np.zeros((2, self.count, RIGID, RIGID))
         for s, body, part in zip(d.own, self.own, self.boundary):
             dof, fixed = d.space.global_dof[part], np.flatnonzero(s.fixed)
-            self.motions.append(self.of(body, nodes[dof // 3])[np.arange(len(dof)), dof % 3])
-            self.gram[body] += self.motions[-1].T @ self.motions[-1]
+            moved = self.of(body, nodes[dof // 3])[np.arange(len(dof)), dof % 3]
+            self.motions.append(moved)
+            self.gram[body] += moved.T @ moved
             rows = self.of(body, nodes[s.nodes[fixed // 3]])[np.arange(len(fixed)), fixed % 3]
             held[body] += rows.T @ rows
+        for i in d.scene.interfaces:
+            if grounds and i.law.on_ground and i.subdomains[0] in d.space.subdomains:
+                body = self.body[i.subdomains[0]]
+                # amounts of motions have other units than nodes
+                rows = unit(i.law.keeps(self.of(body, d.scene.points(i))))
+                held[body] += rows.T @ rows
         self.gram, self.held = self.team.sum(self.gram, held)
         values, vectors = np.linalg.eigh(self.held)
         self.loose = vectors * (values <= FREE * values[:, -1:])[:, None, :]

@@ -19,7 +19,7 @@ the interfaces carry next to nothing.
 
 ℓ is how long displacements are that mean something. It comes from what is loaded and held, and from
 how far bodies are deformed, never from where a loose body is: that is undetermined, as far away as
-it likes, and whatever is measured relative to it is small. A body is what joining laws make one;
+it likes, and whatever is measured relative to it is small. A body is what joining laws make one without the grounds;
 its displacement is split in the rigid motion that its supports prescribe, a rigid motion that they
 leave, and the deformation, the largest displacement of a boundary node that is left. What the scene
 was told: per body its largest prescribed displacement and what its loads alone move it on its
@@ -100,7 +100,7 @@ class LengthScale(JoinedBodies):
     """
 
     def __init__(self, d: Decomposition):
-        super().__init__(d, lambda law: law.joins)
+        super().__init__(d, lambda law: law.joins and not law.on_ground, grounds=True)
         self.carried, self.strained = d.loading.carried, peak(d.loading.strained)
         self.fit = self.loose @ np.linalg.pinv(self.loose.swapaxes(1, 2) @ self.gram @ self.loose, rcond=FREE,
                                                hermitian=True) @ self.loose.swapaxes(1, 2)
