@@ -10,25 +10,7 @@ from benchmarks.problems.cases import pressed_cubes
 from orchestrator import config_from, solve
 from orchestrator.method.interface.node_groups import NodeGroups
 from orchestrator.method.interface.node_stage import NodeStage
-from orchestrator.method.latin import Latin
 from orchestrator.scene.build import build_scene
-from orchestrator.timing import Stopwatch
-
-
-def test_after_a_snap_the_coarse_problem_is_the_nonlinear_one():
-    """A state thrown far off raises the residual: linear steps alone would lead it back."""
-    made = contact(0.2, **CASES["eight cubes"])
-    with box_of(made) as blackbox:
-        latin = Latin(prepared(made, build_scene(made), blackbox), made.method, (), Stopwatch())
-        d, latin.last = latin.problem, 9
-        latin.s = np.zeros((d.steps, d.space.size))
-        solved = []
-        for number in range(1, 6):
-            if number == 4:
-                latin.s = latin.s + 1e3 * np.random.default_rng(1).normal(size=latin.s.shape)
-            latin.iterate()
-            solved.append(d.coarse.begun)
-    assert solved == [True, True, True, False, True]
 
 
 @pytest.fixture(scope="module", params=[0.2, 1.0])

@@ -112,11 +112,6 @@ class Decomposition:
         """Fields of the linear stage with what the coarse contact problem adds to them."""
         return fields if self.coarse is None else self.coarse(fields)
 
-    def snapped(self) -> None:
-        """Have the next coarse problem be the nonlinear one: a body has left its place."""
-        if self.coarse is not None:
-            self.coarse.begun = False
-
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
         """Energy, continuity and error bound of fields; where laws are not perfect and none is
         asked for no bound.

@@ -64,8 +64,6 @@ class Latin:
             residual = self.take(point, local.s)
             best = self.acceleration.best(fields)
         now = Evaluation(self.number, self.number >= self.last, problem, point, fields, best, local)
-        if self.acceleration.snapped:
-            problem.snapped()
         with watch("bound"):
             now.measures = measure(problem, best, local, residual,
                                    self.method.tolerance.indicator is not None, ends)

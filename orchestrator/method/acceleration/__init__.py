@@ -20,12 +20,10 @@ class Acceleration(ABC):
     depth : of how many of the last evaluations it makes the next state; None: all. A resumed run
         begins a new one, which takes in as many once more: where all is bonded as they were,
         elsewhere s and its image alone
-    snapped : whether the last evaluation's residual has grown far beyond the best one
     """
 
     title: str
     depth: int | None = 1
-    snapped = False
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:

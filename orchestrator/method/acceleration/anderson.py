@@ -90,10 +90,10 @@ class Anderson(Acceleration):
             self.place = (self.place + 1) % self.memory
             self.kept = min(self.kept + 1, self.memory)
         size = np.sqrt(square.sum())
-        self.snapped = size > self.forget * self.smallest
-        if self.snapped:
+        if size > self.forget * self.smallest:
             self._begin(*s.shape)
-        self.smallest = size if self.snapped else min(self.smallest, size)
+            self.smallest = size
+        self.smallest = min(self.smallest, size)
         self.latest = s, residual
         return residual
 

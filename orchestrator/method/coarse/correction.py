@@ -14,9 +14,8 @@ and y makes the forces agree with the laws on these fields, load step after load
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
 A few linearised steps (``linear_step``) do in nearly all iterations. The nonlinear problem is
-solved (``problem``) in the first one, where steps do not bring ρ to a tenth, where a loose body
-travels, and after a body has snapped: linear steps lead it back to where it could not stay. U is
-made orthonormal in k. It costs no back-substitution per iteration.
+solved (``problem``) in the first one, where steps do not bring ρ to a tenth, and where a loose
+body travels. U is made orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
