@@ -331,7 +331,7 @@ class Monolithic:
         n, contact = len(m), law.name == "contact"
         found["free"].append(m.live)
         found["normal"].append(m.normal)
-        found["gap"].append(law.gap[m.points] if contact else np.zeros(n))
+        found["gap"].append(law.distance[m.points] if contact else np.zeros(n))
         found["friction"].append(np.full(n, getattr(law, "friction", 0.0)))
         found["stiffness"].append(np.minimum(*stiffness))
         jump = np.broadcast_to(getattr(law, "jump", np.zeros(3)), (len(i.global_nodes), 3))

@@ -117,7 +117,7 @@ class Solving:
             soles = make_soles_of(part, method, placement.touched)
         self.told.stage("assembling and factorising")
         check_iterations(len(self.cases.chosen), part.scene.bonded, method,
-                         part.scene.remembers or any(i.law.follows for i in part.scene.interfaces))
+                         part.scene.remembers or any(i.follows for i in part.scene.interfaces))
         with watch("start"):
             blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip,
                                     workers, len(self.cases.chosen), savings)

@@ -17,7 +17,6 @@ from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
 from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.team import Team
-from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
@@ -103,7 +102,7 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
     folder.check_free()
     folder.check_free(
         of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
-    if not all(LAWS[entry.law].perfect for entry in config.interfaces):
+    if not all(entry.kind.perfect for entry in config.interfaces):
         make_ready()
     if not resume:
         begun(folder)

@@ -16,7 +16,6 @@ from orchestrator.optional import check_there
 from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys
-from orchestrator.registry import LAWS
 from orchestrator.results.solution import Solution
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
@@ -84,7 +83,7 @@ def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscribe
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on",
                         "orchestrator run, which solves on several", "remove accuracy here")
-        if not all(LAWS[entry.law].perfect for entry in config.interfaces):
+        if not all(entry.kind.perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if team.share(scene is None):
             told.stage("meshing")

@@ -147,7 +147,7 @@ def contacts(solved: Solution) -> Contacts:
             jump = np.stack([(i.mortar.second @ b.ravel() - i.mortar.first @ a.ravel()).reshape(-1, 3) for a, b in zip(one, two)])
         found.append(((*force, jump, status),
                       (normal[mobile], np.bincount(loaded.ravel(), share, len(x))[mobile],
-                       (i.law.gap / length)[mobile], (i.law.friction / length)[mobile], x[mobile])))
+                       (i.law.distance / length)[mobile], (i.law.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))
 

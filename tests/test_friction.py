@@ -12,7 +12,6 @@ from test_certificate import GRAINS, NOISE, Exact, certified
 from test_law_cohesive import bar
 
 from orchestrator.errors import InputError
-from orchestrator.laws.base import Law
 from orchestrator.laws.contact import Contact
 from orchestrator.method.stopping.friction import OPEN, Friction
 from orchestrator.registry import LAWS
@@ -148,8 +147,3 @@ def test_a_law_that_says_that_it_is_convex_is_tried(request):
     with pytest.raises(InputError, match="believed says convex = True, and is not") as told:
         solve(made, build_scene(made))
     assert told.value.problems[0].path == ("interfaces",)
-
-
-def test_a_law_prices_what_it_knows_the_price_of():
-    with pytest.raises(TypeError, match="prices = True and has no duality_gap"):
-        type("Free", (Law,), {"name": "free", "prices": True})

@@ -114,8 +114,7 @@ def test_springs_beside_prescribed_components():
     law = Elastic(2.0, 0.7, True)
     taut, slack = law.along(np.array([1.0, 0.6]))
     assert taut == pytest.approx([2.0, 1.168]) and slack == pytest.approx([0.0, 0.448])
-    assert law.presses and not law.joins and law.rigidity == Elastic(0.7, 2.0).rigidity == 0.7
-    assert Elastic(2.0, 0.7).joins and not Elastic(2.0, 0.7).presses
+    assert not law.joins and law.rigidity == Elastic(0.7, 2.0).rigidity == 0.7 and Elastic(2.0, 0.7).joins
     points = Points(np.eye(3)[:, :2], *np.ones((2, 2)), np.ones(2), law.parameters(np.arange(2), np.ones(2), np.ones(2)))
     answer = law.force(points, np.array([[0.0, 1.0], [1.0, -1.0], [0.0, 0.0]]), np.zeros((3, 2)))
     assert answer.status.tolist() == [TAUT, SLACK] and answer.active is None is answer.derivative
@@ -203,7 +202,7 @@ def test_what_contact_says_of_its_keys():
     assert keys(gap=-0.2).fit == 0.2 and keys(gap=0.2).fit == keys().fit == keys(gap="geometry").fit == 0.0
     assert Contact(0.0, np.array([-0.2, 0.1])).imposed == 0.2 and Contact(0.0, np.array([0.1])).imposed == 0.0
     assert Contact(1.1, np.zeros(1)).caution and not Contact(1.0, np.zeros(1)).caution
-    assert Contact(0.1, np.zeros(1)).has_history and not Contact(0.0, np.zeros(1)).has_history
+    assert Contact(0.0, np.zeros(1)).convex and not Contact(0.1, np.zeros(1)).convex
 
     def wrong(**raw):
         return [problem[0] for problem in Contact.Parameters.broken(raw)]
@@ -211,9 +210,9 @@ def test_what_contact_says_of_its_keys():
     assert wrong(history="ramp") == wrong(history="ramp", gap=0) == wrong(history="ramp", gap="geometry") == ["history"]
     assert wrong(history="ramp", gap=0.1) == [] == wrong(within=1, gap="geometry") == wrong(within=1, between="auto")
     assert wrong(within=1) == wrong(within=1, gap=0.1, between="auto") == ["within"]
-    assert Contact.of(keys(gap=0.1), 3, 1.0, np.full(3, 7.0)).gap.tolist() == [0.1] * 3
-    assert Contact.of(keys(gap="geometry"), 3, 1.0, np.full(3, 7.0)).gap.tolist() == [7.0] * 3
-    assert Contact.of(keys(gap="geometry"), 3, 1.0).gap.tolist() == [0.0] * 3
+    assert Contact.of(keys(gap=0.1), 3, 1.0, np.full(3, 7.0)).distance.tolist() == [0.1] * 3
+    assert Contact.of(keys(gap="geometry"), 3, 1.0, np.full(3, 7.0)).distance.tolist() == [7.0] * 3
+    assert Contact.of(keys(gap="geometry"), 3, 1.0).distance.tolist() == [0.0] * 3
 
 
 @pytest.mark.parametrize("miss, grown", [("jump", "penetration"), ("tension", "tension"), ("shear", "cone"), ("slip", "slip_direction")])
@@ -242,7 +241,7 @@ def test_each_measure_of_contact_grows_by_what_it_is_named_after(miss, grown):
 
 def test_contact_is_measured_at_the_worst_load_step_with_the_slip_of_each():
     law, points, answer, d, previous = answered("contact", friction=0.3, gap=0.02)
-    assert law.follows is False and Contact.Parameters(law="contact", pairing="follow").follows
+    assert Contact.Parameters(law="contact", pairing="follow").follows
     forces, jumps, status = np.stack([answer.force, answer.force]), np.stack([d, d]), np.stack([answer.status] * 2)
     rests = law.residuals(points, Stages(forces, jumps, jumps, previous, status))[1]  # the second load step slips no more
     assert max(rests.values()) < 1e-12
@@ -321,7 +320,10 @@ def test_friction_whose_limit_lags_is_tresca():
 
 
 def test_a_law_that_tells_nothing_is_on_the_safe_side():
-    assert Law.has_history and not (Law.joins or Law.perfect or Law.variables)
+    class Silent(Law):
+        pass
+
+    assert not (Silent().convex or Silent().joins or Silent.perfect or Silent.variables)
 
 
 def test_statuses_of_one_scene_have_one_name_each():

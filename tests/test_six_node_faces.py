@@ -64,7 +64,7 @@ def test_gaps_are_those_of_the_surfaces(tmp_path):
     interface, = scene.interfaces
     x, at = scene.points(interface)[:, 0], interface.mortar.points
     at = at[np.abs(x[at]) < 1.5 * h]  # where the mesh is even
-    assert len(at) > 6 and interface.law.gap[at] == pytest.approx(x[at] ** 2 / (2 * RADIUS), abs=0.02 * h**2 / (8 * RADIUS))
+    assert len(at) > 6 and interface.law.distance[at] == pytest.approx(x[at] ** 2 / (2 * RADIUS), abs=0.02 * h**2 / (8 * RADIUS))
 
 
 def test_nodes_without_a_point_are_told_what_is_beside_them():

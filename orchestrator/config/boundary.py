@@ -90,6 +90,11 @@ class Entry(Part):
             for factor in factors]
 
     @property
+    def kind(self) -> Any:
+        """The class of its law."""
+        return LAWS[self.law]
+
+    @property
     def vectors(self) -> list | None:
         """The vectors that it lists, one per load step; None where it lists none."""
         return next((given for key in self.per_step

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
 
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.points import Answer, BONDED, Carries, Points, Status
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
 
 
 @dataclass(frozen=True)
@@ -97,38 +98,125 @@ class Variable:
     meaning: str
 
 
-class Law:
-    """An interface law; derive from it and enter the class in ``registry.LAWS``.
+class Moves(IntEnum):
+    """How the sides of an interface may move against each other."""
+
+    FREE = 0  # the jump goes with the force
+    TOGETHER = 1  # the sides move as one: perfect
+    GIVEN = 2  # the jump is given at each point, or goes with the force alone there
+    AXIAL = 3  # one jump of all points along an axis, the mean normal of the interface or a bolt's
+    RIGID = 4  # the motion of a rigid body, or such a motion in the mean
+
+
+class Facts:
+    """Facts that a law declares of itself; those that are left out are on the safe side.
 
     name : in the YAML and in fields.npz
     Parameters : model of its entry in the YAML
     formula, meaning : in the report
-    perfect : the sides move as one: its local stage is an exchange, the error bound holds where all
-        laws are so
-    as_one : the jump is given, whatever the force: the sides deform as one
-    spread : springs per area as it is, however bent; others act on what is seen along the normal
-    presses : what passes depends on whether sides are pressed or pulled
-    axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
-    joins : a body hangs on the interface whatever the load
-    on_ground : side 2 is a rigid ground, which ``keeps`` the body from some motions (n, 3, m) of
-        its nodes, as (q, m)
-    has_history : the answer depends on earlier load steps, see ``docs/laws.md``
-    rigidity : stiffness per area of the softest springs by which it acts; infinite where sides
-        touch without any
-    follows : the sides are paired anew as they slide, load step after load step
     statuses : what its pairs can do
     measures : of its residuals
-    pairwise : it answers pair by pair, whatever other pairs of its interface do
-    loops : the ``force`` that ``contact_loops`` computes, where it is this law's
-    convex : its force is the slope of a convex energy of the jump, load step by load step: the
-        energy error is guaranteed
-    prices : it has a ``duality_gap``, and directions in which it gives way are free in what the
-        error is measured with
-    slips : what it holds across the normal may slip for a price, as Coulomb's law has it, with a
-        parameter ``friction``
     variables : what it remembers of each pair beside its jump, such as a damage
+    moves : how the sides may move
+    joins : a body hangs on the interface whatever the load
+    convex : its force is the slope of a convex energy of the jump, whatever happened before: load
+        steps do not depend on each other, the energy error is guaranteed
+    rigidity : stiffness per area of the softest springs by which it acts, which act on all of a
+        face, however bent; infinite where sides touch without any, and a pressure acts on what is
+        seen along the normal
+    distance : (n,) or one for all: how far the sides are apart before loading; negative where
+        pressed into each other
+    given_jump : (3,) the jump that it prescribes at every node, whatever the force; None where it
+        is a matter of forces
+    loops : the ``force`` that ``contact_loops`` computes, where it is this law's
+    """
 
-    What is not overruled is on the safe side: history, a joint that holds nothing.
+    name: ClassVar[str]
+    Parameters: ClassVar[type[Entry]]
+    formula: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
+    statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
+    measures: ClassVar[tuple[Measure, ...]] = ()
+    variables: ClassVar[tuple[Variable, ...]] = ()
+    moves: ClassVar[Moves] = Moves.FREE
+    convex: bool = False
+    rigidity: float = math.inf
+    distance: np.ndarray | float = 0.0
+    given_jump: np.ndarray | None = None
+    loops: ClassVar[Callable[..., Answer] | None] = None
+
+    @property
+    def joins(self) -> bool:
+        return self.as_one
+
+    @property
+    def acts(self) -> bool:
+        """Whether the law loads the scene by itself: it asks for a displacement, or for a force."""
+        return self.imposed > 0
+
+    # ---- what follows ----------------------------------------------------------------------------
+
+    perfect: ClassVar[bool]  # the local stage is an exchange, the error bound of bonds holds
+    as_one: ClassVar[bool]  # the sides deform as one
+    axial: ClassVar[bool]
+    pairwise: ClassVar[bool]  # it answers pair by pair, whatever other pairs do
+    prices: ClassVar[bool]  # it has an energy
+    slips: ClassVar[bool]  # what it holds across the normal may slip for a price
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.perfect, cls.as_one = cls.moves is Moves.TOGETHER, cls.moves is not Moves.FREE
+        cls.axial, cls.pairwise = cls.moves is Moves.AXIAL, cls.moves < Moves.AXIAL
+        cls.prices, cls.slips = bool(cls.duality_gap), bool(cls.lagged)
+
+    @property
+    def imposed(self) -> float:
+        """The largest displacement, a length ≥ 0, that the law asks for by itself, whatever the
+        load.
+        """
+        if self.given_jump is not None:
+            return float(np.linalg.norm(self.given_jump))
+        return float(np.max(-self.distance, initial=0.0))
+
+    @property
+    def caution(self) -> str:
+        """Caution on these parameters for a reader of the results, to follow the interfaces' names;
+        or nothing.
+        """
+        return (f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
+                "convergence is not assured" if self.slips and self.friction > 1 else "")
+
+    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray,
+                chosen: np.ndarray) -> np.ndarray:
+        """(P,) by how much a jump breaks the law whatever the force, a length ≥ 0: it is another
+        than is given; or sides that nothing springs apart, and that hold where pressed, are inside
+        each other where all that the normal has is prescribed.
+
+        jump, normal : (P, 3); known : (P, 3) bool, components of the jump that are prescribed
+        chosen : (P,) int, among the interface's n nodes
+        """
+        if self.given_jump is not None:
+            return np.where(known, np.abs(jump - self.given_jump), 0.0).max(axis=1)
+        told = (known | (np.abs(normal) < 1e-6)).all(axis=1)
+        if self.rigidity < np.inf or not any(s.normal == Hold.PRESSED for s in self.statuses):
+            told[:] = False
+        inside = -(np.broadcast_to(self.distance, chosen.max(initial=0) + 1)[chosen]
+                   + np.einsum("pc,pc->p", normal, jump))
+        return np.where(told, np.maximum(inside, 0.0), 0.0)
+
+
+class Law(Facts):
+    """An interface law: ``force``, six hooks beside it, and the facts that it declares; derive from
+    it and enter the class in ``registry.LAWS``.
+
+    force : the law
+    of : from its entry
+    parameters : what ``force`` needs at points
+    residuals : of the law's ``measures``
+    carries : forces that it allows
+    duality_gap : its energy; without one it is kept to the letter where an error is guaranteed
+    lagged : makes it convex, where forces set limits on each other by a parameter ``friction``, as
+        Coulomb's law has it
 
     A law of one's own: sides that have parted, between which nothing passes. Below, all rests;
     above, all moves.
@@ -138,9 +226,6 @@ class Law:
     >>> class Parted(Law):
     ...     name, Parameters = "parted", Entry    # an entry without keys of its own
     ...     statuses = (Status(20, "parted", "#999999", normal=False, tangential=False),)
-    ...     @classmethod
-    ...     def of(cls, entry, count, direction, distance=None):
-    ...         return cls()
     ...     @staticmethod
     ...     def force(points, F, previous, derivative=False):
     ...         answer = Answer(np.zeros_like(F), np.full(len(points), 20))
@@ -160,43 +245,10 @@ class Law:
     [True, True]
     """
 
-    def __init_subclass__(cls) -> None:
-        """Raises TypeError: it prices what it cannot tell the price of, and the error would be too
-        small.
-        """
-        super().__init_subclass__()
-        if cls.prices and cls.duality_gap is Law.duality_gap:
-            name = getattr(cls, "name", cls.__name__)
-            raise TypeError(
-                f"law {name} says prices = True and has no duality_gap: write one, or leave "
-                "prices out")
-
-    name: ClassVar[str]
-    Parameters: ClassVar[type[Entry]]
-    formula: ClassVar[str] = ""
-    meaning: ClassVar[str] = ""
-    perfect: ClassVar[bool] = False
-    as_one: ClassVar[bool] = False
-    spread: ClassVar[bool] = False
-    pairwise: ClassVar[bool] = True
-    loops: ClassVar[Callable[..., Answer] | None] = None
-    axial: ClassVar[bool] = False
-    joins: bool = False
-    on_ground: ClassVar[bool] = False
-    convex: bool = False
-    prices: ClassVar[bool] = False
-    slips: ClassVar[bool] = False
-    rigidity: float = math.inf
-    has_history: bool = True
-    follows: bool = False
-    statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
-    measures: ClassVar[tuple[Measure, ...]] = ()
-    variables: ClassVar[tuple[Variable, ...]] = ()
-
     @classmethod
     def of(cls, entry: Entry, count: int, direction: float,
            distance: np.ndarray | None = None) -> Law:
-        """The law of one interface.
+        """The law of one interface: by default its fields are those of the entry.
 
         entry : of the YAML
         count : number of nodes n
@@ -204,62 +256,7 @@ class Law:
         distance : (n,) of the sides along the normal, where the entry has it read from the geometry
             (``apart``) and they share no faces
         """
-        raise NotImplementedError
-
-    @property
-    def distance(self) -> np.ndarray | float:
-        """(n,) or one for all: how far the sides are apart before loading; negative where pressed
-        into each other.
-        """
-        return 0.0
-
-    @property
-    def imposed(self) -> float:
-        """The largest displacement, a length ≥ 0, that the law asks for by itself, whatever the
-        load.
-        """
-        return 0.0
-
-    @property
-    def acts(self) -> bool:
-        """Whether the law loads the scene by itself: it asks for a displacement, or for a force."""
-        return self.imposed > 0
-
-    @property
-    def given_jump(self) -> np.ndarray | None:
-        """(3,) the jump that the law prescribes at every node, whatever the force; None where it is
-        a matter of forces.
-        """
-        return None
-
-    @property
-    def constrained(self) -> np.ndarray | bool:
-        """(n,) bool, nodes of side 1 that no other interface can move freely: the law holds them or
-        moves them as one.
-        """
-        return False
-
-    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray,
-                chosen: np.ndarray) -> np.ndarray:
-        """(P,) by how much a jump breaks the law whatever the force, a length ≥ 0.
-
-        jump, normal : (P, 3); known : (P, 3) bool, components of the jump that are prescribed
-        chosen : (P,) int, among the interface's n nodes
-        """
-        if self.given_jump is None:
-            return np.zeros(len(chosen))
-        return np.where(known, np.abs(jump - self.given_jump), 0.0).max(axis=1)
-
-    @property
-    def presses(self) -> bool:
-        return not self.as_one
-
-    @property
-    def caution(self) -> str:
-        """Caution on these parameters for a reader of the results, to follow the interfaces' names;
-        or nothing.
-        """
-        return ""
+        return cls(*(getattr(entry, name) for name in getattr(cls, "__dataclass_fields__", ())))
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,
                    area: np.ndarray) -> dict[str, np.ndarray]:
@@ -284,12 +281,14 @@ class Law:
         """
         raise NotImplementedError
 
-    @staticmethod
-    def lagged(points: Points, force: np.ndarray) -> Points:
-        """Return points whose law is convex: limits that forces set on each other are those of
-        these (3, P).
-        """
-        return points
+    # (points, force (3, P)) → points whose law is convex: limits that forces set on each other are
+    # those of these
+    lagged: ClassVar[Callable[[Points, np.ndarray], Points] | None] = None
+
+    # (points, force, jump, previous) → (P,) γ = φ(d) + φ*(λ) − λ·d, an energy ≥ 0 and 0 where force
+    # λ and jump d (3, P) agree: φ is the law's energy. The force obeys the law, the jump does not
+    # break it. Directions in which the law gives way are free in what the error is measured with
+    duality_gap: ClassVar[Callable[..., np.ndarray] | None] = None
 
     @staticmethod
     def carries(points: Points) -> Carries:
@@ -297,17 +296,6 @@ class Law:
         overruled carries anything.
         """
         return Carries.anything(len(points))
-
-    @staticmethod
-    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray,
-                    previous: np.ndarray) -> np.ndarray:
-        """(P,) γ = φ(d) + φ*(λ) − λ·d, an energy ≥ 0 and 0 where force λ and jump d (3, P) agree: φ
-        is the law's energy.
-
-        The force obeys the law, the jump does not break it. A law that ``prices`` nothing is kept
-        to the letter instead.
-        """
-        return np.zeros(len(points))
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -326,3 +314,37 @@ class Law:
             what counts as next to nothing
         """
         return {}
+
+
+class GroundLaw(Law):
+    """A law of a rigid ground, side 2, with a body, side 1."""
+
+    convex = True
+
+    @property
+    def held(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(3, 3, n) directions at [which, component, node], (3, n) bool, which of them are held, and
+        (3, n) displacements along these.
+        """
+        raise NotImplementedError
+
+    @property
+    def constrained(self) -> np.ndarray:
+        """(n,) bool, nodes that no other interface can move freely: the law holds them or moves
+        them as one.
+        """
+        raise NotImplementedError
+
+    def within(self, free: np.ndarray, moved: np.ndarray) -> GroundLaw | None:
+        """The law in the components (n, 3) that are free, where the others are ``moved`` (n, 3),
+        which is zero where they are free; None where it cannot be.
+        """
+        raise NotImplementedError
+
+    def keeps(self, moved: np.ndarray) -> np.ndarray:
+        """(q, m) what of motions (n, 3, m) of the nodes is kept from happening."""
+        raise NotImplementedError
+
+    @property
+    def imposed(self) -> float:
+        return float(np.abs(self.held[2]).max(initial=0.0))

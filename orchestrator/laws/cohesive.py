@@ -79,7 +79,6 @@ class Cohesive(Law):
     formula = "f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n"
     meaning = "glue that breaks: traction up to the strength, then less, until the toughness is spent"
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
-    spread = True
     variables = (Variable("damage", "0 where the glue is whole, 1 where it is broken"),)
     measures = (
         Measure("glue", "glue",
@@ -89,11 +88,6 @@ class Cohesive(Law):
     @property
     def rigidity(self) -> float:
         return self.stiffness
-
-    @classmethod
-    def of(cls, entry: CohesiveEntry, count: int, direction: float,
-           distance: np.ndarray | None = None) -> Cohesive:
-        return cls(entry.stiffness, entry.strength, entry.toughness)
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,
                    area: np.ndarray) -> dict[str, np.ndarray]:

@@ -97,13 +97,12 @@ class Contact(Law):
     """Unilateral contact with Coulomb friction.
 
     friction : Coulomb's coefficient
-    gap : (n,) initial gap along the normal, negative where the parts are pressed into each other
-    follows : the sides are paired anew as they slide
+    distance : (n,) initial gap along the normal, negative where the parts are pressed into each
+        other
     """
 
     friction: float
-    gap: np.ndarray
-    follows: bool = False
+    distance: np.ndarray
 
     name = "contact"
     Parameters = ContactEntry
@@ -122,37 +121,9 @@ class Contact(Law):
                 "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1))
 
-    prices, slips = True, True
-
     @property
     def convex(self) -> bool:
         return self.friction == 0
-
-    @property
-    def has_history(self) -> bool:
-        return self.friction > 0 or self.follows
-
-    @property
-    def distance(self) -> np.ndarray:
-        return self.gap
-
-    @property
-    def imposed(self) -> float:
-        return float(np.max(-self.gap, initial=0.0))
-
-    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray,
-                chosen: np.ndarray) -> np.ndarray:
-        """Depth of the sides inside each other where all that the normal has is prescribed."""
-        told = (known | (np.abs(normal) < 1e-6)).all(axis=1)
-        return np.where(told,
-                        np.maximum(-(self.gap[chosen] + np.einsum("pc,pc->p", normal, jump)), 0.0),
-                        0.0)
-
-    @property
-    def caution(self) -> str:
-        return (
-            f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
-            "convergence is not assured" if self.friction > 1 else "")
 
     @classmethod
     def of(cls, entry: ContactEntry, count: int, direction: float,
@@ -161,12 +132,12 @@ class Contact(Law):
             gap = np.zeros(count) if distance is None else distance
         else:
             gap = np.full(count, float(entry.gap or 0.0))
-        return cls(float(entry.friction or 0.0), gap, entry.follows)
+        return cls(float(entry.friction or 0.0), gap)
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,
                    area: np.ndarray) -> dict[str, np.ndarray]:
         """Beside a shorter normal both the gap and the coefficient are larger."""
-        return {"gap": self.gap[chosen] / length, "friction": self.friction / length}
+        return {"gap": self.distance[chosen] / length, "friction": self.friction / length}
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray,
@@ -248,7 +219,7 @@ class Contact(Law):
         """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open
         gap.
         """
-        gap, push = (self.gap[at.chosen] + at.opening) / length, at.pressure / pressure
+        gap, push = (self.distance[at.chosen] + at.opening) / length, at.pressure / pressure
         shear = np.linalg.norm(at.shear, axis=2) / pressure
         return {"penetration": np.max(-gap, initial=0.0), "tension": np.max(-push, initial=0.0),
             "Coulomb's cone": np.max(shear - self.friction * np.maximum(push, 0.0), initial=0.0),

@@ -21,14 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.laws.base import Law
+from orchestrator.laws.base import GroundLaw, Moves
 from orchestrator.laws.points import Answer, BONDED, Carries, Collective, Hold, Points, Status
 
 COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 
 
 @dataclass(frozen=True, eq=False)
-class CouplingLaw(Law):
+class CouplingLaw(GroundLaw):
     """A surface that follows a point.
 
     motions : (6, 3, n) R: displacement of each node in the three translations of the point and the
@@ -47,38 +47,26 @@ class CouplingLaw(Law):
     formula = "rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given"
     meaning = "a surface and a point: it moves with it, or in the mean"
     # nodes in the middle of edges follow the point like all others
-    as_one, joins, on_ground, has_history, pairwise = True, True, True, False, False
-    convex = True
+    moves = Moves.RIGID
     statuses = (COUPLED, BONDED)
-
-    @property
-    def imposed(self) -> float:
-        return float(np.abs(self.held_at).max(initial=0.0))
 
     @property
     def acts(self) -> bool:
         return bool(np.any(self.given))
 
     @property
-    def holds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(3, 3, n) directions x, y and z, and (3, n) bool, which of them are held: all of a rigid
-        surface whose point is prescribed.
-        """
+    def held(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All of a rigid surface whose point is prescribed."""
         count = self.motions.shape[2]
-        return np.repeat(np.eye(3)[:, :, None], count,
-                         axis=2), np.full((3, count), self.rigid and bool(self.prescribed.all()))
+        return (np.repeat(np.eye(3)[:, :, None], count, axis=2),
+                np.full((3, count), self.rigid and bool(self.prescribed.all())),
+                np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0)))
 
     @property
     def constrained(self) -> np.ndarray:
         return np.full(self.motions.shape[2], self.rigid)
 
-    @property
-    def held_at(self) -> np.ndarray:
-        """(3, n) displacements where they are held."""
-        return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
-
     def within(self, free: np.ndarray, moved: np.ndarray) -> CouplingLaw | None:
-        """The law itself where all components (n, 3) are free; there is none elsewhere."""
         return self if free.all() else None
 
     def keeps(self, moved: np.ndarray) -> np.ndarray:

@@ -55,8 +55,7 @@ class Elastic(Law):
     Parameters = ElasticEntry
     formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
     meaning = "springs of the stiffness k per area"
-    has_history = False
-    convex, prices, spread = True, True, True
+    convex = True
     statuses = (SPRUNG, TAUT, SLACK, BONDED)
     measures = (
         Measure("spring", "spring law", "max |f − k A d| k_eq / (k_eq + k A) / A / max |f| / A",
@@ -68,17 +67,8 @@ class Elastic(Law):
         return not self.tension_only
 
     @property
-    def presses(self) -> bool:
-        return self.tension_only
-
-    @property
     def rigidity(self) -> float:
         return min(self.stiffness_n, self.stiffness_t)
-
-    @classmethod
-    def of(cls, entry: ElasticEntry, count: int, direction: float,
-           distance: np.ndarray | None = None) -> Elastic:
-        return cls(entry.stiffness_n, entry.stiffness_t, entry.tension_only)
 
     def along(self, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness per area along the points' normal, stretched and slack.

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from orchestrator.config.base import one_or_per_step, Vector
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.base import Law
+from orchestrator.laws.base import Law, Moves
 from orchestrator.laws.points import Answer, BONDED, Points
 
 
@@ -23,18 +23,7 @@ class Perfect(Law):
     name = "perfect"
     Parameters = Entry
     formula, meaning = "d = 0", "bonded"
-    perfect = as_one = True
-    joins, has_history = True, False
-    convex = True
-
-    @property
-    def given_jump(self) -> np.ndarray:
-        return np.zeros(3)
-
-    @classmethod
-    def of(cls, entry: Entry, count: int, direction: float,
-           distance: np.ndarray | None = None) -> Perfect:
-        return cls()
+    moves, convex, given_jump = Moves.TOGETHER, True, np.zeros(3)
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray,
@@ -81,24 +70,15 @@ class JumpEntry(Entry):
 class Jump(Law):
     """Imposed jump of displacement.
 
-    jump : (3,) from side 1 to side 2
+    given_jump : (3,) from side 1 to side 2
     """
 
-    jump: np.ndarray
+    given_jump: np.ndarray
 
     name = "jump"
     Parameters = JumpEntry
     formula, meaning = "d = given", "imposed jump of displacement"
-    as_one, joins, has_history = True, True, False
-    convex = True
-
-    @property
-    def imposed(self) -> float:
-        return float(np.linalg.norm(self.jump))
-
-    @property
-    def given_jump(self) -> np.ndarray:
-        return self.jump
+    moves, convex = Moves.GIVEN, True
 
     @classmethod
     def of(cls, entry: JumpEntry, count: int, direction: float,
@@ -107,7 +87,7 @@ class Jump(Law):
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,
                    area: np.ndarray) -> dict[str, np.ndarray]:
-        return {"jump": np.repeat(self.jump[:, None], len(chosen), axis=1)}
+        return {"jump": np.repeat(self.given_jump[:, None], len(chosen), axis=1)}
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray,

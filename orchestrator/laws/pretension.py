@@ -22,7 +22,7 @@ from pydantic import Field
 
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.base import Law, Measure, Stages
+from orchestrator.laws.base import Law, Measure, Moves, Stages
 from orchestrator.laws.points import Answer, BONDED, Carries, Collective, Hold, Points, Status
 
 TIGHTENED = Status(7, "tightened", "#D55E00", Hold.NEVER, Hold.ALWAYS)
@@ -79,8 +79,7 @@ class Pretension(Law):
     Parameters = PretensionEntry
     formula = "tightened: d = d n, Σ f·n = N;  locked: d = d at the load step before"
     meaning = "a bolt's cut: its force is given, then its length"
-    as_one = axial = joins = True
-    pairwise = False
+    moves = Moves.AXIAL
     statuses = (TIGHTENED, LOCKED, BONDED)
     measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N",
                         "bolts whose force is not what is prescribed"),)

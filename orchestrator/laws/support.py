@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.laws.base import Law
+from orchestrator.laws.base import GroundLaw, Moves
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
 
 SUPPORTED = Status(13, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
@@ -29,7 +29,7 @@ UPRIGHT = 0.99
 
 
 @dataclass(frozen=True, eq=False)
-class Support(Law):
+class Support(GroundLaw):
     """A rigid ground, at n nodes.
 
     frame : (3, 3, n) directions, at [which, component, node], of length one, or shorter where
@@ -48,41 +48,25 @@ class Support(Law):
     formula, meaning = "f·e = k A (g − u·e), or u·e = g, in directions e", "a rigid ground: springs, or directions that are held"
     # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to
     # be kept plane
-    as_one, joins, on_ground, has_history = True, True, True, False
-    convex, prices = True, True
+    moves = Moves.GIVEN
     statuses = (SUPPORTED, GUIDED, CARRIED, BONDED)
 
     @property
-    def imposed(self) -> float:
-        return float(np.abs(self.given).max(initial=0.0))
-
-    @property
-    def holds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(3, 3, n) directions, and (3, n) bool, which of them are held."""
-        return self.frame, np.isinf(self.stiffness)
+    def held(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.frame, np.isinf(self.stiffness), self.given
 
     @property
     def constrained(self) -> np.ndarray:
         return np.isinf(self.stiffness).any(axis=0)
 
-    @property
-    def held_at(self) -> np.ndarray:
-        """(3, n) displacements along the directions that are held."""
-        return self.given
-
     def within(self, free: np.ndarray, moved: np.ndarray) -> Support:
-        """Restrict to the components (n, 3) that are free, where the others are ``moved`` (n, 3),
-        which is zero where they are free.
-
-        Of a direction that lies in the others but for rounding nothing is left.
-        """
+        """Of a direction that lies in the others but for rounding nothing is left."""
         frame = np.where(free.T, self.frame, 0.0)
         frame = np.where(np.linalg.norm(frame, axis=1, keepdims=True) > NOTHING_LEFT, frame, 0.0)
         return replace(self, frame=frame, given=self.given
                        - np.einsum("icn,nc->in", self.frame, moved))
 
     def keeps(self, moved: np.ndarray) -> np.ndarray:
-        """(q, m) what of motions (n, 3, m) of the nodes is kept from happening."""
         return np.einsum("icn,ncm->nim", self.frame, moved)[(self.stiffness > 0).T]
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,

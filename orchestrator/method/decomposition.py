@@ -100,7 +100,7 @@ class Decomposition:
     @property
     def has_history(self) -> bool:
         """Whether there are laws for which the way to a load counts; all ranks ask."""
-        here = any(i.law.has_history for i in self.scene.interfaces)
+        here = any(i.has_history for i in self.scene.interfaces)
         return not self.all_perfect and bool(self.space.team.max(float(here))[0])
 
     @property

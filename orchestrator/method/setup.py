@@ -135,7 +135,7 @@ class _SetUp:
         remembers = any(s.remembers for s in own)
         perfect = space.transfer.perfect.all() and not remembers
         certified = not (perfect or remembers or method.tolerance.error is None
-                         or any(i.law.follows for i in scene.interfaces))
+                         or any(i.follows for i in scene.interfaces))
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox,
                                                   method.skip.congruent, savings)
@@ -179,7 +179,7 @@ class _SetUp:
         made = Made(self.traces, counts, rims, modes, self.carried,
                     loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction,
-                              springs) if any(i.law.follows for i in scene.interfaces) else None
+                              springs) if any(i.follows for i in scene.interfaces) else None
         if certified:
             check_convex(pairs, space.team)
         certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness,
@@ -277,7 +277,7 @@ class _SetUp:
 def _own_copy(scene: Scene) -> Scene:
     """The scene, with what set-up or iterations change copied: it is its owner's."""
     remembers = scene.remembers
-    if remembers and any(i.law.follows for i in scene.interfaces):
+    if remembers and any(i.follows for i in scene.interfaces):
         raise Refusal("sliding beside nonlinear matter")
     if any(i.moving is not None for i in scene.interfaces):
         scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])

@@ -177,7 +177,7 @@ def freed(config: Config, whole: Joined, held: Held, problems: Problems) -> Join
 def _check_held(bodies: Body, whole: Joined, held: Held, problems: Problems) -> None:
     """Add a problem for bodies, without grounds, that can move as rigid ones."""
     mesh = bodies.mesh
-    between = [i for i in whole.interfaces if not i.law.on_ground]
+    between = [i for i in whole.interfaces if not i.ground]
     links, hinges = joins(mesh, whole.cut.partition, between)
     links = links + mesh.one_body
     check_held(mesh, bodies.faces, held.on_mesh()[0][: len(mesh.nodes)], problems,

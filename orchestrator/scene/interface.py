@@ -50,6 +50,8 @@ class Interface:
         is the one that asks for most; else empty
     moving : what they are made of anew where the sides have slid to, if they are
     tool : the rigid tool that side 2 is, if it is one
+    ground : whether side 2 is a rigid ground, and the law that of one
+    follows : the sides are paired anew as they slide, load step after load step
     """
 
     index: int
@@ -70,11 +72,18 @@ class Interface:
     law_at_steps: list[Law] = field(default_factory=list)
     moving: Moving | None = None
     tool: Rigid | None = None
+    ground: bool = False
+    follows: bool = False
 
     def govern(self, laws: list[Law], vary: bool) -> None:
         """Give it the law of every load step, of which one holds for all unless they ``vary``."""
         self.law = max(laws, key=lambda law: law.imposed)
         self.law_at_steps = laws if vary else []
+
+    @property
+    def has_history(self) -> bool:
+        """Whether the answer depends on earlier load steps."""
+        return self.follows or not self.law.convex
 
     @property
     def matching(self) -> bool:

@@ -305,7 +305,7 @@ class Scene:
         """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts
         of other programs.
         """
-        behind = [i.subdomains[1] for i in self.interfaces if i.tool is not None or i.law.on_ground]
+        behind = [i.subdomains[1] for i in self.interfaces if i.tool is not None or i.ground]
         return np.isin(np.arange(len(self.subdomains)),
                        behind) | np.array([s.foreign for s in self.subdomains], dtype=bool)
 

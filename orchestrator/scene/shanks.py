@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
@@ -177,7 +176,7 @@ def bonds(entries: Sequence[Any], names: Sequence[str], bolt: str) -> Callable[[
     entries : of ``interfaces``; names : of all volumes; bolt : as the configuration names it
     """
     laws, own = Laws(list(entries), names), matching(bolt, names)
-    return lambda name: LAWS[laws[laws.foreseen(own, [name])].law].perfect
+    return lambda name: laws[laws.foreseen(own, [name])].kind.perfect
 
 
 def threads_of(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank,

@@ -220,7 +220,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     taken : what supports take besides, see ``lawful``
     """
     scene = d.scene
-    count, body = bodies_of(scene, lambda law: law.perfect)
+    count, body = bodies_of(scene, lambda i: i.law.perfect)
     nodes = scene.mesh.nodes
     ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)),
                       (2, 3)) * np.array([[-1], [1]])

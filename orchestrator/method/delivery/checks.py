@@ -76,7 +76,7 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     own = [handed_over(scene, i, fields, at, resultants)
            for i, (_, at) in zip(interfaces, fields.each())
            # sides that slide on meet where they have moved to
-           if i.law.slips and not i.law.follows]
+           if i.law.slips and not i.follows]
     push = (np.maximum(fields.pressure, 0.0) * fields.areas).T
     most = np.zeros((len(interfaces) + 1, fields.steps))
     for k, (_, at) in enumerate(fields.each()):

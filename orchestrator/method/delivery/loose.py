@@ -48,7 +48,7 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields,
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load
     step; on rank 0, of all ranks'
     interfaces, elsewhere none."""
-    bodies, body = bodies_of(scene, lambda law: law.joins)
+    bodies, body = bodies_of(scene, lambda i: i.law.joins)
     fixed, supports = np.zeros(bodies, bool), supports_of(scene)
     fixed[body[supports.count > 0]] = True
     ends = body[interfaces.subdomains]

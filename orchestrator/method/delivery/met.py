@@ -145,7 +145,7 @@ def _rows(scene: Scene, own: InterfaceFields) -> dict[str, np.ndarray]:
     """Of each interface of a rank, as of ``Met``."""
     opening = scene.opening
     interfaces = [opening[k] for k in own.index]
-    taken, lost = work(own, np.array([i.law.has_history for i in interfaces], dtype=bool))
+    taken, lost = work(own, np.array([i.has_history for i in interfaces], dtype=bool))
     far, amiss = slides(scene, own, interfaces)
     return {"resultant": own.resultant.swapaxes(0, 1),
             "pressure": np.maximum.reduceat(own.pressure, own.offsets[:-1], axis=1).T,

@@ -186,7 +186,7 @@ def slides(scene: Scene, fields: InterfaceFields,
     slip, (far, amiss) = np.where(holds[..., None], fields.slip,
                                   0.0), np.full((2, len(interfaces)), np.nan)
     for i, (k, own) in zip(interfaces, fields.each()):
-        if i.law.follows or i.law.on_ground or i.tool is not None:
+        if i.follows or i.ground or i.tool is not None:
             continue
         facets = fields.triangles[fields.owner == k]
         corners = fields.points[0, facets]

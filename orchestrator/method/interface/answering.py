@@ -193,7 +193,7 @@ class LawPoints(Answering):
     def lagged(self, force: np.ndarray) -> LawPoints:
         """Return the points with convex laws, see ``Law.lagged``; force (3, P)."""
         runs = [replace(run, points=run.law.lagged(run.points, force[:, run.part]))
-                for run in self.runs]
+                if run.law.slips else run for run in self.runs]
         return replace(self, runs=runs)
 
     @classmethod

@@ -193,7 +193,7 @@ def geometry_of(points: np.ndarray, interface: Interface, shares: np.ndarray) ->
         area = np.einsum("ni,ni->n", vectors, normal)
         if not len(interface.triangles):
             area = np.full(len(points), np.inf)
-        elif interface.law.as_one or interface.law.spread:  # as much of a face as there is, however it is bent
+        elif interface.law.as_one or interface.law.rigidity < np.inf:  # as much of a face as there is, however it is bent
             area = node_areas(points, interface.triangles, shares)
     else:
         area, free = np.zeros(len(points)), np.ones_like(free)

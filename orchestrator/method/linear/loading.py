@@ -16,14 +16,13 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
-from orchestrator.laws.base import Law
 from orchestrator.method.interface.rows import Blocks, dots, peak
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import HELD, motions_about
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.interface import ends_of
+from orchestrator.scene.interface import ends_of, Interface
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.timing import Savings
 
@@ -194,10 +193,10 @@ def apply_loads(scene: Scene, direction: SearchDirection, node_counts: list[int]
                    2.0 if lifted_any else 1.0)
 
 
-def bodies_of(scene: Scene, joins: Callable[[Law], bool]) -> tuple[int, np.ndarray]:
-    """Return how many bodies the subdomains are that laws join, and (subdomains,) int, the body of
+def bodies_of(scene: Scene, joins: Callable[[Interface], bool]) -> tuple[int, np.ndarray]:
+    """Return how many bodies the subdomains are that interfaces join, and (subdomains,) int, the body of
     each."""
-    joined = ends_of(i for i in scene.interfaces if joins(i.law))
+    joined = ends_of(i for i in scene.interfaces if joins(i))
     return components(*joined.T, len(scene.subdomains))
 
 
@@ -216,7 +215,7 @@ class Carried:
         """Of a scene; of a rank's part of one, whose ``rank_of`` its subdomains are, together with
         all others.
         """
-        _, body = bodies_of(scene, lambda law: law.joins)
+        _, body = bodies_of(scene, lambda i: i.law.joins)
         own, moved = [s for s in scene.subdomains if rank_of[s.index]
                       == team.rank], np.zeros(body.max() + 1)
         for s in own:

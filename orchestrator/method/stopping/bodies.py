@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.laws.base import Law
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.loading import bodies_of
 from orchestrator.scene.conditions.rigid import motions_about, RIGID
+from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.geometry import unit
 
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
@@ -18,7 +18,7 @@ FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a 
 class JoinedBodies:
     """The bodies of one decomposition, the same on all ranks.
 
-    joins : whether a law makes one body of both sides
+    joins : whether an interface makes one body of both sides
     grounds : whether what grounds keep bodies from counts as held, too
 
     count, names : of the bodies; of what is joined, the first one's name
@@ -30,7 +30,7 @@ class JoinedBodies:
     loose : (count, 6, 6) combinations of the motions that supports leave; zero columns for the others
     """
 
-    def __init__(self, d: Decomposition, joins: Callable[[Law], bool], grounds: bool = False):
+    def __init__(self, d: Decomposition, joins: Callable[[Interface], bool], grounds: bool = False):
         self.team, self.boundary = d.space.team, d.space.boundary
         subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
         self.count, self.body = bodies_of(d.scene, joins)
@@ -53,7 +53,7 @@ class JoinedBodies:
             rows = self.of(body, nodes[s.nodes[fixed // 3]])[np.arange(len(fixed)), fixed % 3]
             held[body] += rows.T @ rows
         for i in d.scene.interfaces:
-            if grounds and i.law.on_ground and i.subdomains[0] in d.space.subdomains:
+            if grounds and i.ground and i.subdomains[0] in d.space.subdomains:
                 body = self.body[i.subdomains[0]]
                 # amounts of motions have other units than nodes
                 rows = unit(i.law.keeps(self.of(body, d.scene.points(i))))

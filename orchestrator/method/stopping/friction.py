@@ -207,11 +207,11 @@ def guarantee(pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], stage: L
     modes : per own subdomain (boundary dofs, r) rigid motions that its supports leave; else as for
         ``Friction`` and its ``factor``
     """
-    laws, team = [i.law for i in pairs.interfaces], stage.space.team
+    interfaces, team = pairs.interfaces, stage.space.team
     follows, curved, unlike, loose = team.max(*(float(any(x)) for x in (
-        (law.has_history and len(pairs.numbers) > 1 for law in laws),
-        (not law.convex for law in laws),
-        (not (law.convex or law.slips) for law in laws), (mode.size for mode in modes))))
+        (i.has_history and len(pairs.numbers) > 1 for i in interfaces),
+        (not i.law.convex for i in interfaces),
+        (not (i.law.convex or i.law.slips) for i in interfaces), (mode.size for mode in modes))))
     # what a load step begins with is known of the first alone
     if follows or unlike or curved and loose:
         return lambda: np.nan

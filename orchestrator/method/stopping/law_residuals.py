@@ -100,7 +100,7 @@ class LengthScale(JoinedBodies):
     """
 
     def __init__(self, d: Decomposition):
-        super().__init__(d, lambda law: law.joins and not law.on_ground, grounds=True)
+        super().__init__(d, lambda i: i.law.joins and not i.ground, grounds=True)
         self.carried, self.strained = d.loading.carried, peak(d.loading.strained)
         self.fit = self.loose @ np.linalg.pinv(self.loose.swapaxes(1, 2) @ self.gram @ self.loose, rcond=FREE,
                                                hermitian=True) @ self.loose.swapaxes(1, 2)

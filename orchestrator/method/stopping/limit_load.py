@@ -107,7 +107,7 @@ class LimitLoads:
     """
 
     def __init__(self, d: Decomposition):
-        self.team, self.bodies = d.space.team, JoinedBodies(d, lambda law: law.perfect)
+        self.team, self.bodies = d.space.team, JoinedBodies(d, lambda i: i.law.perfect)
         self.loads = np.zeros((d.scene.steps, self.bodies.count, RIGID))
         self.noise = np.zeros(self.bodies.count)
         boundary = {}

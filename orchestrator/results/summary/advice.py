@@ -156,7 +156,7 @@ def contact(run: Stopped) -> Iterator[str]:
         yield (
             f"{some(run.loose)} can move as a whole without resistance: hold them (a displacement, "
             "friction, law: elastic with a small stiffness)")
-    if run.scene.steps > 1 and any(i.law.has_history for i in run.scene.interfaces):
+    if run.scene.steps > 1 and any(i.has_history for i in run.scene.interfaces):
         yield "large load steps, whose order counts: smaller ones, or method.increment=1"
 
 

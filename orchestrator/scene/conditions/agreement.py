@@ -127,9 +127,9 @@ def _components(held: Held, component: int) -> Told:
 def _directions(held: Held, entry: int, ground: Interface) -> Told:
     """Directions that a ground holds, whatever the forces."""
     laws = ground.laws(len(held.values))
-    direction, holds = laws[0].holds
+    direction, holds, _ = laws[0].held
     which, at = np.nonzero(holds)
-    value = np.stack([law.held_at for law in laws])[:, which, at]
+    value = np.stack([law.held[2] for law in laws])[:, which, at]
     return Told(held.numbering.sides(ground)[0][at], direction[which, :, at], value,
                 np.full(len(at), entry))
 

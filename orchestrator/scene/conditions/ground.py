@@ -152,6 +152,7 @@ def add_grounds(cut: Divided, boundary: list[BoundaryEntry], problems: Problems,
         for interface in (interface for found in between[own] for interface in found):
             points = added.body.mesh.nodes[interface.global_nodes]
             _govern(interface, entry.ground.laws(points, interface.triangles))
+            interface.ground = True
             interfaces.append((entry.index, interface))
         if own.stop > own.start:
             stands[entry.index] = slice(nodes[own.start].start, nodes[own.stop - 1].stop)

@@ -114,12 +114,12 @@ def loose_bodies(scene: Scene) -> np.ndarray:
         return scene.overview.loose
     kept: dict[int, list[np.ndarray]] = {}
     for i in scene.interfaces:
-        if i.law.on_ground:
+        if i.ground:
             kept.setdefault(i.subdomains[0],
                             []).append(
                                 i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes],
                                                           *ORIGIN)))
-    joining = ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground)
+    joining = ends_of(i for i in scene.interfaces if i.law.joins and not i.ground)
     return Supports.of(scene, scene.subdomains, kept).loose(joining)
 
 
@@ -130,8 +130,8 @@ def joins(mesh: Mesh, partition: Partition,
           interfaces: Sequence[Interface]) -> tuple[list[np.ndarray], list[Hinge]]:
     """Cells (k, 2) on both sides of interfaces that join wholly, and the others.
 
-    Under laws that press the sides are taken to hold each other: what they carry depends on the
-    load.
+    Under laws that do not join bodies, as contact, the sides are taken to hold each other: what
+    they carry depends on the load.
     """
     first = np.unique(partition.subdomain, return_index=True)[1]
     whole, hinges = [], []
@@ -139,7 +139,7 @@ def joins(mesh: Mesh, partition: Partition,
         points, cure = mesh.nodes[i.global_nodes], SHARED
         if len(i.triangles):
             # sides without any point are told of elsewhere
-            if i.mortar is None or i.law.presses or not len(i.mortar):
+            if i.mortar is None or not i.law.joins or not len(i.mortar):
                 whole.append(i.cells)
                 continue
             points = i.mortar.places(i.mortar.first, points)

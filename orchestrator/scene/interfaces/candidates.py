@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.opposite import BodyFaces, close_bodies, cosine_of
 from orchestrator.scene.interfaces.parts import Parts
@@ -31,11 +30,6 @@ class Candidate:
     tolerance: float
     cosine: float
     slave: int | None
-
-    @property
-    def as_one(self) -> bool:
-        """Whether the law makes the sides deform as one."""
-        return LAWS[self.entry.law].as_one
 
 
 def candidates(parts: Parts, laws: Laws) -> Iterator[Candidate]:

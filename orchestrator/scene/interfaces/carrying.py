@@ -57,7 +57,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     group = _faces(waiting, [tuple(bodies[e] for e in i.subdomains) for i in waiting])
     leader, vectors, crossing = _met(waiting, group, numbering.total)
     # slave nodes that are covered best in another piece; none where sides slide on, in one piece
-    elsewhere = [(leader[pair][i.surfaces.nodes[0]] != number) & (not i.law.follows)
+    elsewhere = [(leader[pair][i.surfaces.nodes[0]] != number) & (not i.follows)
                  for number, (i, pair) in enumerate(zip(waiting, group))]
     corners = [bool(other[i.surfaces.carriers].all()) for i, other in zip(waiting, elsewhere)]
     if any(corners):
@@ -66,7 +66,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
                          if not any(i is w and c for w, c in zip(waiting, corners))]
     known, constrained = {}, np.zeros(numbering.total, dtype=bool)
     for i in interfaces:
-        if i.matching:
+        if i.ground:
             constrained[i.global_nodes] |= i.law.constrained
     for number, i in enumerate(waiting):
         if not corners[number]:
@@ -83,12 +83,12 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
         i, (rest, crossed,
             free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
         i.free, crossed = free[0], taken[nodes] if rest else crossed
-        if i.law.follows:
+        if i.follows:
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
             i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one,
-                                   vectors[group[number]][nodes], spread=i.law.spread)
+                                   vectors[group[number]][nodes], spread=i.law.rigidity < np.inf)
             if i.law.perfect and i.triangles.shape[1] == 6:
                 i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True
@@ -134,7 +134,7 @@ def _met(waiting: Sequence[Interface], group: Sequence[Face],
     leader = {pair: np.full(total, -1) for pair in group}
     vectors = {pair: np.zeros((total, 3)) for pair in group}
     for number, (i, pair) in enumerate(zip(waiting, group)):
-        for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
+        for nodes in i.surfaces.overlapping if i.follows else i.surfaces.nodes:
             met[alike[frozenset(pair[:2])], nodes] = True
         nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
         better = area > (1 + ALIKE) * covered[pair][nodes]

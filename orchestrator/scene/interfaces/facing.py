@@ -156,7 +156,7 @@ def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slave
     found = _facing(parts, candidate)
     if not any(alone[0][f.segments.slave].any() for f in found):
         return []
-    asked = Asked(candidate.as_one, candidate.slave, max(FACING, candidate.cosine))
+    asked = Asked(entry.kind.as_one, candidate.slave, max(FACING, candidate.cosine))
     if asked.slave is None and (quadratic := _quadratic(mesh, pair)) is not None:
         asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
     chosen = _for_all_pieces(parts, candidate, asked, slaves)
@@ -183,7 +183,7 @@ def _facing(parts: Parts, candidate: Candidate) -> list[Facing]:
     """Surfaces of two bodies that lie on each other as an entry has it."""
     entry = candidate.entry
     return facing(*map(parts.skins, candidate.pair), candidate.tolerance, entry.reach,
-                  candidate.cosine, bool(entry.apart), not candidate.as_one,
+                  candidate.cosine, bool(entry.apart), not entry.kind.as_one,
                   parts.hidden(*candidate.pair))
 
 

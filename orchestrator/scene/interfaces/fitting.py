@@ -62,7 +62,7 @@ def of_surfaces(parts: Parts, laws: Laws, candidate: Candidate,
         alone = surface_of(surfaces.points[0], triangles, np.full(len(triangles), -1),
                            under[0].normals)
         surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]),
-                           amid=triangles.shape[1] == 6 and not candidate.as_one)
+                           amid=triangles.shape[1] == 6 and not candidate.entry.kind.as_one)
         interface = parts.interface(
             tuple(skin.body.subdomain for skin in skins), surfaces.nodes, triangles,
             surfaces.behind[0], surfaces=surfaces, called=tuple(candidate.known[turn]))

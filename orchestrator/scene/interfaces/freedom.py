@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
 from orchestrator.scene.interfaces.mortar.moving import paired_mortar
 from orchestrator.scene.interfaces.governing import govern
@@ -65,7 +64,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             interface.index = len(kept)
             kept.append(interface)
     for entry in sorted({i.entry for i in found} - {i.entry for i in kept}):
-        if entry >= 0 and not LAWS[entries[entry].law].perfect:
+        if entry >= 0 and not entries[entry].kind.perfect:
             problems.add(("interfaces", entry, "law"),
                          f"{entries[entry].law}, where boundary conditions prescribe every node "
                          "on both sides",

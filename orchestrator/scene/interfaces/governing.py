@@ -10,7 +10,6 @@ import numpy as np
 
 from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.errors import Problems
-from orchestrator.registry import LAWS
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, TOUCHING
 from orchestrator.scene.names import matching
@@ -25,10 +24,11 @@ def govern(interface: Interface, entry: Any, factors: Sequence[float], direction
     factors : (steps,) what multiplies the entry
     direction, distance : as for ``Law.of``
     """
-    law, count = LAWS[entry.law], len(interface.global_nodes)
+    law, count = entry.kind, len(interface.global_nodes)
     laws = [law.of(at, count, direction, distance)
             for at in (entry.at_steps(factors) if len(factors) else ())]
     interface.govern(laws or [law.of(entry, count, direction, distance)], bool(laws))
+    interface.follows = entry.follows
 
 
 class Laws:
@@ -109,7 +109,7 @@ class Laws:
             if hit is None:
                 continue
             self.used[i] = True
-            if not LAWS[entry.law].perfect:
+            if not entry.kind.perfect:
                 problems.add(("interfaces", i, "between"),
                              f"{entry.law} between {hit[0]} and {hit[1]}, pieces of one body",
                              "names of different bodies: their pieces are joined by perfect "

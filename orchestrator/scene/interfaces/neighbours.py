@@ -21,7 +21,6 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.matching import match
@@ -182,7 +181,7 @@ def _report(parts: Parts, laws: Laws, pair: tuple[int, int], seen: Near, index: 
     how = (f"touch, at {where}: their nodes miss each other by up to {seen.miss:.3g}"
            if seen.touching
            else f"are {seen.distance:.3g} apart, at {where}")
-    wanted = laws.asked and index >= 0 and (seen.touching or not LAWS[laws[index].law].perfect)
+    wanted = laws.asked and index >= 0 and (seen.touching or not laws[index].kind.perfect)
     if wanted:
         problems.add(path, f"{names} {how}, and have no interface there",
                      "an interface between parts that the entry joins",

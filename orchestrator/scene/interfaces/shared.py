@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.registry import LAWS
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.parts import bonded, Parts
@@ -126,7 +125,7 @@ def hinges(parts: Parts, laws: Laws, found: Sequence[Interface]) -> list[Interfa
         if partition.body(pair[0]) != partition.body(pair[1]):
             known = around.known(pair, (a, b))
             entry = laws.foreseen(*known)
-            if not LAWS[laws[entry].law].perfect:
+            if not laws[entry].kind.perfect:
                 continue
         loose = label[a] != label[b]
         a, b = a[loose], b[loose]

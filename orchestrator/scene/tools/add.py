@@ -22,7 +22,6 @@ import numpy as np
 from orchestrator.config.boundary import Entry
 from orchestrator.config.tools import PLACE, Tool
 from orchestrator.errors import InputError, KeyPath, Problems
-from orchestrator.registry import LAWS
 from orchestrator.scene.body import Divided
 from orchestrator.scene.conditions.ground import add_layers, Layer
 from orchestrator.scene.conditions.selection import volumes_named
@@ -133,7 +132,7 @@ def add_tools(cut: Divided, pressed: Sequence[Pressed],
         for interface in chain.from_iterable(between[own]):
             points = added.body.mesh.nodes[interface.global_nodes]
             gaps, interface.normals = one.tool.gaps(points)
-            laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
+            laws = [one.entry.kind.of(one.entry, len(points), 1.0, gap) for gap in gaps]
             interface.govern(laws, (gaps != gaps[:1]).any())
             interface.entry, interface.tool = one.index, one.tool
         entries.append(_driven(added.body.faces, one, layers[number], nodes[own], first + number))
