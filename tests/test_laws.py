@@ -42,7 +42,7 @@ def assert_consistent(name: str, keys: dict, lagged: bool = False) -> None:
     random = np.random.default_rng(4)
     points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
     if lagged:
-        points = law.lagged(points, law.force(points, random.normal(size=(3, COUNT)), previous).force)
+        points = points.lagged(law.force(points, random.normal(size=(3, COUNT)), previous).force)
     answer = law.force(points, F, previous, derivative=True)
     found = np.zeros((3, 3, COUNT))
     found[..., answer.active] = answer.derivative
@@ -312,7 +312,7 @@ def test_friction_whose_limit_lags_is_tresca():
     assert_consistent("contact", {"friction": 0.4}, lagged=True)
     law, points, answer, d, previous = answered("contact", friction=0.4)
     F = answer.force + points.stiffness(d)
-    again = law.force(law.lagged(points, answer.force), F, previous, True)
+    again = law.force(points.lagged(answer.force), F, previous, True)
     np.testing.assert_allclose(again.force, answer.force, atol=1e-12)
     slope = again.derivative.transpose(2, 0, 1)
     np.testing.assert_allclose(slope, slope.transpose(0, 2, 1), atol=1e-12)

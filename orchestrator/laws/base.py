@@ -124,6 +124,8 @@ class Facts:
     rigidity : stiffness per area of the softest springs by which it acts, which act on all of a
         face, however bent; infinite where sides touch without any, and a pressure acts on what is
         seen along the normal
+    slips : what it holds across the normal slips as Coulomb's law has it, with a parameter
+        ``friction``; with ``most`` where that is given, see ``Points.lagged``
     distance : (n,) or one for all: how far the sides are apart before loading; negative where
         pressed into each other
     given_jump : (3,) the jump that it prescribes at every node, whatever the force; None where it
@@ -141,6 +143,7 @@ class Facts:
     moves: ClassVar[Moves] = Moves.FREE
     convex: bool = False
     rigidity: float = math.inf
+    slips: ClassVar[bool] = False
     distance: np.ndarray | float = 0.0
     given_jump: np.ndarray | None = None
     loops: ClassVar[Callable[..., Answer] | None] = None
@@ -161,13 +164,12 @@ class Facts:
     axial: ClassVar[bool]
     pairwise: ClassVar[bool]  # it answers pair by pair, whatever other pairs do
     prices: ClassVar[bool]  # it has an energy
-    slips: ClassVar[bool]  # what it holds across the normal may slip for a price
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.perfect, cls.as_one = cls.moves is Moves.TOGETHER, cls.moves is not Moves.FREE
         cls.axial, cls.pairwise = cls.moves is Moves.AXIAL, cls.moves < Moves.AXIAL
-        cls.prices, cls.slips = bool(cls.duality_gap), bool(cls.lagged)
+        cls.prices = bool(cls.duality_gap)
 
     @property
     def imposed(self) -> float:
@@ -215,8 +217,7 @@ class Law(Facts):
     residuals : of the law's ``measures``
     carries : forces that it allows
     duality_gap : its energy; without one it is kept to the letter where an error is guaranteed
-    lagged : makes it convex, where forces set limits on each other by a parameter ``friction``, as
-        Coulomb's law has it
+    violations : what written results break
 
     A law of one's own: sides that have parted, between which nothing passes. Below, all rests;
     above, all moves.
@@ -280,10 +281,6 @@ class Law(Facts):
         derivative : also return ∂f̂/∂F, wherever it is not zero
         """
         raise NotImplementedError
-
-    # (points, force (3, P)) → points whose law is convex: limits that forces set on each other are
-    # those of these
-    lagged: ClassVar[Callable[[Points, np.ndarray], Points] | None] = None
 
     # (points, force, jump, previous) → (P,) γ = φ(d) + φ*(λ) − λ·d, an energy ≥ 0 and 0 where force
     # λ and jump d (3, P) agree: φ is the law's energy. The force obeys the law, the jump does not

@@ -13,7 +13,7 @@ Friction 0 is a slip without resistance: f̂_t = 0.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -121,6 +121,8 @@ class Contact(Law):
                 "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1))
 
+    slips = True
+
     @property
     def convex(self) -> bool:
         return self.friction == 0
@@ -158,14 +160,6 @@ class Contact(Law):
         return Answer(force, status, active, slope)
 
     loops = force
-
-    @staticmethod
-    def lagged(points: Points, force: np.ndarray) -> Points:
-        """The points with friction of at most what μ allows under these forces: Tresca's law, which
-        is convex.
-        """
-        push = np.maximum(-points.along(force), 0.0)
-        return replace(points, own=points.own | {"most": points["friction"] * push})
 
     @staticmethod
     def carries(points: Points) -> Carries:

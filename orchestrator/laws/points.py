@@ -117,6 +117,13 @@ class Points:
         own = self.own | (self._at(step) if self.stepped else {}) | dict(before or {})
         return replace(self, own=own, stepped={})
 
+    def lagged(self, force: np.ndarray) -> Points:
+        """Return the points of a law that slips with friction of at most what μ allows under forces
+        (3, P): Tresca's law, which is convex.
+        """
+        push = np.maximum(-self.along(force), 0.0)
+        return replace(self, own=self.own | {"most": self["friction"] * push})
+
     def _at(self, step: float) -> dict[str, np.ndarray]:
         """Parameters between two load steps in proportion; before the first one, and where what is
         no number changes, as of a bolt

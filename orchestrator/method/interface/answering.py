@@ -191,8 +191,8 @@ class LawPoints(Answering):
         return self.free.shape[1]
 
     def lagged(self, force: np.ndarray) -> LawPoints:
-        """Return the points with convex laws, see ``Law.lagged``; force (3, P)."""
-        runs = [replace(run, points=run.law.lagged(run.points, force[:, run.part]))
+        """Return the points with convex laws, see ``Points.lagged``; force (3, P)."""
+        runs = [replace(run, points=run.points.lagged(force[:, run.part]))
                 if run.law.slips else run for run in self.runs]
         return replace(self, runs=runs)
 
