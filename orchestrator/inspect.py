@@ -72,7 +72,7 @@ def listed(config: Config, run_programs: bool = False) -> list[str]:
     Raises InputError: there is no mesh
     """
     young = [matter.young for matter in config.matter]
-    if config.programs and not run_programs:
+    if not run_programs and _programs(config):
         mesh, faces = make_parts(config.parts, run_programs=None)
         return [*_lines(mesh, faces, young), "", *not_asked(config)]
     try:
@@ -87,6 +87,11 @@ def listed(config: Config, run_programs: bool = False) -> list[str]:
     made_of = (scene.materials[m] for m in scene.cell_material[first])
     matter = {name: f"E {m.young:g}, ν {m.poisson:g}" for name, m in zip(mesh.volumes, made_of)}
     return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene)), *bolt_table(scene)]
+
+
+def _programs(config: Config) -> bool:
+    """Whether there are parts that are programs, which no one knows before they are run."""
+    return any(part.program for part in config.parts or ())
 
 
 def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:
@@ -112,7 +117,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     Raises InputError: the mesh, the codes or the number of iterations do not fit it
     """
     unsaid = [] if run_programs else not_asked(config)
-    if config.programs and not run_programs:
+    if not run_programs and _programs(config):
         return [*_parts_alone(config), *unsaid]
     scene = build_scene(config, run_programs=run_programs)
     for code in find_codes(config.codes, {s.code for s in scene.subdomains}, run_programs).values():

@@ -101,7 +101,7 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
     """Find what is wrong with the folder before anything is computed."""
     folder.check_free()
     folder.check_free(
-        of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
+        of_parts([code.name for code in config.codes if code.writes_results]))
     if not all(entry.kind.perfect for entry in config.interfaces):
         make_ready()
     if not resume:

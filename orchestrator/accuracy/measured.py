@@ -52,7 +52,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from orchestrator.laws.contact import Contact
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
 from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.geometry import shape_gradients
@@ -174,7 +173,7 @@ def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energ
     if not math.isfinite(bound) or scene.remembers:
         return None
     least = all(i.mortar is None and not i.tool
-                and (i.law.perfect or isinstance(i.law, Contact) and not i.law.friction)
+                and (i.law.perfect or i.law.slips and i.law.convex)
                 for i in scene.interfaces)
     squares = (found.cells**2).sum(axis=1)
     step, size = int(squares.argmax()), found.size**2

@@ -36,6 +36,10 @@ class CodeSettings(Part):
     brings_loads: ClassVar[bool] = False
     # whether they are nonlinear and remember load steps, which are then solved one after the other
     remembers: ClassVar[bool] = False
+    # whether it is told the solution once more, and writes results of its own
+    writes_results: ClassVar[bool] = False
+    # sentences on what is not known before a program is run, which the user has to ask for
+    unasked: ClassVar[tuple[str, ...]] = ()
 
     code: Name = Field(DEFAULT_CODE, description=(
         "the finite element code, or a solver of your own; none: the one that is the fastest here"))

@@ -162,7 +162,9 @@ class MaterialEntry(Part):
 
 
 class ForeignPart(Part):
-    """A part whose mesh is not this program's."""
+    """A part whose mesh is not this program's. What it has of ``loads``, and whether it is
+    ``nonlinear``, each kind says.
+    """
 
     kind: ClassVar[str]  # the key in ``parts``, and the name in ``registry.FOREIGN``
     files: ClassVar[tuple[str, ...]]  # keys that name files beside the YAML
@@ -183,6 +185,7 @@ class MatrixPart(ForeignPart):
 
     kind = "matrix"
     files = ("stiffness", "nodes", "loads", "facets")
+    nonlinear: ClassVar[bool] = False
 
     stiffness: Name = Field(description=(
         "symmetric matrix of three dofs per node, ux uy uz, in MatrixMarket's format, condensed "

@@ -144,8 +144,7 @@ class Config(Part):
         """The black boxes, in the order of the YAML; then one for each part that is a model of
         another program's.
         """
-        given = self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
-        found = list(given)
+        found = list(self.blackbox if isinstance(self.blackbox, list) else [self.blackbox])
         for i, part in enumerate(self.parts or []):
             if (own := part.foreign) is not None:
                 young = next((m.young for m in (part.material, *(self.materials or []))
@@ -154,11 +153,6 @@ class Config(Part):
                                                         name=part.name, young=young, place=(
                     "parts", i, own.kind), factors=tuple(self.factors_of(own.history))))
         return found
-
-    @property
-    def programs(self) -> list[OnePart]:
-        """The parts that are programs, which no one knows before they are run."""
-        return [part for part in self.parts or [] if part.program]
 
     @property
     def tools(self) -> dict[str, Tool]:
@@ -180,12 +174,11 @@ class Config(Part):
                 return len(self.histories[entry.history])
             if (vectors := entry.vectors) is not None:
                 return len(vectors)
-        for part in self.parts or []:
-            if part.foreign is not None and part.foreign.history is not None:
-                return len(self.histories[part.foreign.history])
-            files = getattr(part.foreign, "loads", None)
-            if isinstance(files, list) and len(files) > 1:
-                return len(files)
+        for own in (part.foreign for part in self.parts or [] if part.foreign):
+            if own.history is not None:
+                return len(self.histories[own.history])
+            if isinstance(own.loads, list) and len(own.loads) > 1:
+                return len(own.loads)
         return 1
 
     def factors_of(self, history: str | None) -> list[float]:

@@ -55,12 +55,12 @@ class ForeignCode(Code):
 
         @property
         def remembers(self) -> bool:
-            return getattr(self.part, "nonlinear", False)
+            return self.part.nonlinear
 
         @property
         def brings_loads(self) -> bool:
             """Whether it has any; what flows answers to loads and forces together."""
-            return bool(getattr(self.part, "loads", None)) and not self.remembers
+            return bool(self.part.loads) and not self.remembers
 
     Settings = ForeignSettings
 
@@ -156,10 +156,13 @@ class ProgramCode(ForeignCode):
     class ProgramSettings(ForeignCode.Settings):
         """One part's entry in ``parts``."""
 
+        writes_results: ClassVar[bool] = True
+
         @property
-        def writes_results(self) -> bool:
-            """Whether there is a last call."""
-            return True
+        def unasked(self) -> tuple[str, ...]:
+            """Its joints."""
+            return (f"'{self.name}': {Path(self.part.run).name} is not started, which alone knows "
+                    "its joints: its interfaces, its stiffness and whether all is held",)
 
     Settings = ProgramSettings
 
@@ -250,7 +253,7 @@ def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomai
     Returns a sentence for each part that could not: what has been computed is not lost by it
     """
     asked = {s.code: s for s in subdomains if s.foreign
-             and getattr(settings[s.code], "writes_results", False)}
+             and settings[s.code].writes_results}
     sentences = []
     for number, code in (find_codes(settings, asked) if asked else {}).items():
         s = asked[number]

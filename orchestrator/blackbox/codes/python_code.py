@@ -96,6 +96,11 @@ class PythonCode(MessageCode):
         def brings_loads(self) -> bool:
             return self.loads
 
+        @property
+        def unasked(self) -> tuple[str, ...]:
+            return (f"whether {self.python} has what {self.code} needs: it is not started",
+                    ) if self.python else ()
+
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
             if (python := entry.get("python")) and (folder / str(python)).is_file():

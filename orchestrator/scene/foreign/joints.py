@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 
@@ -144,16 +143,8 @@ def not_asked(config: Config) -> list[str]:
     """A sentence for each program, interpreter and form that is not run without ``OPTION``, and
     what is not checked therefore.
     """
-    programs = [
-        f"'{part.name}': {Path(part.program.run).name} is not started, which alone knows its "
-        "joints: its interfaces, its stiffness and whether all is held" for part in config.programs]
-    pythons = dict.fromkeys(f"whether {entry.python} has what {entry.code} needs: it is not started"
-                            for entry in config.codes if getattr(entry, "python", None))
-    forms = dict.fromkeys(f"whether FreeFEM takes {Path(entry.form).name}: a form may run programs"
-                          for entry in config.codes
-                          if getattr(entry, "form", None))
-    return [f"not checked: {sentence} ({OPTION} does)"
-            for sentence in [*programs, *pythons, *forms]]
+    told = dict.fromkeys(sentence for entry in config.codes for sentence in entry.unasked)
+    return [f"not checked: {sentence} ({OPTION} does)" for sentence in told]
 
 
 def check_asked(parts: list[OnePart]) -> None:

@@ -146,6 +146,12 @@ class FreeFem(MessageCode):
             """A form may."""
             return bool(self.form)
 
+        @property
+        def unasked(self) -> tuple[str, ...]:
+            """What its compiler says of a form."""
+            return (f"whether FreeFEM takes {Path(self.form).name}: a form may run programs",
+                    ) if self.form else ()
+
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
             """The entry, its form beside the YAML file."""
