@@ -202,8 +202,8 @@ class Facts:
         told = (known | (np.abs(normal) < 1e-6)).all(axis=1)
         if self.rigidity < np.inf or not any(s.normal == Hold.PRESSED for s in self.statuses):
             told[:] = False
-        inside = -(np.broadcast_to(self.distance, chosen.max(initial=0) + 1)[chosen]
-                   + np.einsum("pc,pc->p", normal, jump))
+        distance = np.ravel(self.distance)  # of one for all the only one
+        inside = -(distance[chosen % len(distance)] + np.einsum("pc,pc->p", normal, jump))
         return np.where(told, np.maximum(inside, 0.0), 0.0)
 
 
