@@ -93,11 +93,8 @@ LAWS = Registry({
 # What watches the iterations, in the order in which it is asked: criteria, what changes the
 # problem, when to end, the rest.
 MONITORS = Registry({
-    "error_bound": "orchestrator.method.monitors.criteria:ErrorBoundCriterion",
+    "error_bound": "orchestrator.method.monitors.criteria:BondedCriterion",
     "law_residual": "orchestrator.method.monitors.criteria:LawCriterion",
-    "energy_error": "orchestrator.method.monitors.criteria:EnergyErrorCriterion",
-    "mesh_error": "orchestrator.method.monitors.criteria:MeshError",
-    "true_error": "orchestrator.method.monitors.criteria:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",
     "limit_load": "orchestrator.method.monitors.limit_load:LimitLoadMonitor",
     "weakening": "orchestrator.method.monitors.weakening:Weakening",

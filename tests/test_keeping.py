@@ -490,8 +490,8 @@ def test_resumed_with_another_file(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"another problem: loads\[0\].temperature.file \(content of warm.csv\) is another one"):
         run(case, output=out, resume=True, quiet=True)
     (tmp_path / "warm.csv").write_text(before)
-    with monkeypatch.context() as patch, pytest.raises(InputError, match="version of checkpoints: 8, now 9"):
-        patch.setattr("orchestrator.results.record.VERSION", 9)
+    with monkeypatch.context() as patch, pytest.raises(InputError, match="version of checkpoints: 9, now 10"):
+        patch.setattr("orchestrator.results.record.VERSION", 10)
         run(case, output=out, resume=True, quiet=True)
     assert run(case, output=out, resume=True, quiet=True) == 0
 

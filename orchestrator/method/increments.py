@@ -26,7 +26,6 @@ from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, Evaluation, monitors_of
 from orchestrator.method.monitors.ending import HELD
-from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.timing import Stopwatch
 
 # An increment does not settle whose law residual has not fallen to such a share of its least in so
@@ -53,7 +52,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     given : for monitors, see ``Case``
     """
     run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start,
-               given or {})
+               dict(given or {}))
     told = Subscribers(subscribers)
     while len(run.ended) < len(run.increments):
         run.solve(told)
@@ -79,7 +78,7 @@ class _Run:
     """
 
     def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int],
-                 start: Start, given: Mapping[str, Any]):
+                 start: Start, given: dict[str, Any]):
         self.d, self.method, self.watch, self.numbers, self.start, self.given = d, method, watch, numbers, start, given
         self.state = np.zeros(
             (d.steps, d.space.size)) if start.state is None else start.state.copy()
@@ -92,8 +91,6 @@ class _Run:
         self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(
             d, method), proportional(d)
         self.ended: list[Iterated] = []
-        # load step, from 1 → share of it that pressures on the way to it can carry
-        self.shares: dict[int, float] = {}
         self.begun: int | None = None  # iterations of earlier runs
         self.lost: list[Any] = []
         self.done = start.iteration, start.sweeps
@@ -105,13 +102,8 @@ class _Run:
         increment = self.increments[number]
         steps, several = increment.steps, len(self.increments) > 1
         view, first = self._view(number, increment, several), self.state[steps].copy()
-        # a load step may unload: what its residuals are relative to is what the scene was told in
-        # all of them
-        told_all = LengthScale(self.d).told if several and not self.d.all_perfect else 0.0
-        given = {**self.given, "settled": self._settled(), "shares": self.shares}
-        latin = Latin(view, self.method,
-                      monitors_of(Case(view, self.method, self.numbers[steps], told_all, given)),
-                      self.watch)
+        case = Case(view, self.method, self.numbers[steps], self.d, self.ended, self.given)
+        latin = Latin(view, self.method, monitors_of(case), self.watch)
         if number < len(start.ended):
             result = ended(latin, start.ended[number])
         else:
@@ -137,11 +129,6 @@ class _Run:
         self._pass(number, result.converged, result.stop_reason)
         if self.d.following is not None:
             self.d = self.d.paired_as(latin.problem)
-
-    def _settled(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Forces and jumps (3, P) that the last increment which has converged has ended with."""
-        last = next((x.local for x in reversed(self.ended) if x.converged), None)
-        return None if last is None or last.lawful is None else (last.lawful[-1], last.jump[-1])
 
     def _left(self, number: int) -> int:
         """Number of increments that follow."""

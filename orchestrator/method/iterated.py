@@ -123,14 +123,14 @@ def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
 
     sweeps, seconds : spent in iterations, and in all
     """
-    measures, told, coarse = now.measures, dict(now.verdict.told), now.problem.coarse
-    target, laws = told.pop("target", ("", np.nan)), told.pop("laws", {})
+    measures, verdict, coarse = now.measures, now.verdict, now.problem.coarse
     values = {"iteration": now.number, "sweeps": now.problem.made.sweeps + sweeps,
-              "seconds": seconds, **measures.values, **told}
+              "seconds": seconds, **measures.values, **verdict.told}
     if coarse is not None:
         values |= {"newton_steps": coarse.problem.newton_steps,
                    "coarse_left": max(coarse.problem.left.values(), default=0.0)}
-    return Iteration(values, target, now.best.s, measures.counts, laws,
+    return Iteration(values, verdict.target, now.best.s, measures.counts,
+                     {} if verdict.laws is None else verdict.laws.measures,
                      {} if coarse is None else dict(coarse.problem.ends))
 
 

@@ -26,7 +26,7 @@ from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 from orchestrator.results.manifest import CHECKPOINT
 
-VERSION = 8  # of what is in the files: part of the problem, see ``Record``
+VERSION = 9  # of what is in the files: part of the problem, see ``Record``
 NAME, PROBLEM, RESERVE, FILES = "checkpoint", "problem.json", "reserve", "iteration-*.npz"
 TOLD = [f.name for f in fields(Checkpoint) if f.name != "arrays"]
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"

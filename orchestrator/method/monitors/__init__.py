@@ -42,6 +42,7 @@ class Verdict:
     measure : what has been compared with the tolerance; nan where it is not known
     bound : error bound and energy of the best fields, as far as they are known
     laws : measures of the interface laws; lengths : what these are relative to
+    target : name of what has been compared, and the tolerance
     sweeps : back-substitutions per subdomain and load step that judging has cost
     told : name → value for those who listen, see ``events.Iteration``
     warnings : sentences for the user
@@ -57,6 +58,7 @@ class Verdict:
     bound: Bound | None = None
     laws: LawResiduals | None = None
     lengths: Lengths | None = None
+    target: tuple[str, float] = ("", math.nan)
     sweeps: float = 0.0
     told: Mapping[str, object] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -68,6 +70,7 @@ class Verdict:
             self.changes + later.changes, self.anew or later.anew, max(self.excess, later.excess),
                        self.measure if math.isnan(later.measure) else later.measure,
             later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths,
+                       later.target if later.target[0] else self.target,
                        self.sweeps + later.sweeps,
                        {**self.told, **later.told}, self.warnings + later.warnings)
 
@@ -105,7 +108,7 @@ class Evaluation:
         verdict, coarse = self.verdict, self.problem.coarse
         on_the_way = coarse is not None and coarse.anew
         return verdict.laws is not None and not on_the_way and verdict.laws.held_by_springs(
-            verdict.told["target"][1])
+            verdict.target[1])
 
 
 @dataclass
@@ -115,28 +118,34 @@ class Case:
     problem : the decomposition for these load steps, as it is at the beginning
     method : ``method`` of the configuration
     numbers : of these load steps, from 1, for people
-    told : the least displacement that means something in any load step of the scene, see
-        ``LengthScale``; 0: nobody knows
-    given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``
+    whole : the decomposition for all load steps; None: it is ``problem``
+    before : results of the increments that have ended
+    given : what a run hands to its monitors by name, errors that the whole scene tells
+        (``estimate``, ``true_error``), and what monitors keep for those of later increments
     value : below which the measure has to fall; with ``error: auto`` it follows the estimate
     """
 
     problem: Decomposition
     method: Any
     numbers: Sequence[int]
-    told: float = 0.0
-    given: Mapping[str, Any] = field(default_factory=dict)
+    whole: Decomposition | None = None
+    before: Sequence[Any] = ()
+    given: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         tolerance = self.method.tolerance
-        self.by_error = tolerance.indicator is None
-        self.value: float = FIRST if tolerance.error == "auto" else tolerance.error or tolerance.law or tolerance.indicator
+        self.by_error, self.follows = tolerance.indicator is None, tolerance.error == "auto"
+        self.value: float = FIRST if self.follows else (tolerance.error or tolerance.law
+                                                        or tolerance.indicator)
 
     @cached_property
     def lengths(self) -> LengthScale:
-        """Return what displacements are compared with."""
+        """Return what displacements are compared with: a load step may unload, so that it counts
+        what the scene was told in all of them.
+        """
         scale = LengthScale(self.problem)
-        scale.told = max(scale.told, self.told)
+        if self.whole is not None and self.whole is not self.problem:
+            scale.told = max(scale.told, LengthScale(self.whole).told)
         return scale
 
 

@@ -1,10 +1,15 @@
-"""Stopping criteria: the error bound or the indicator where all is bonded, and the true error; the
-energy error and the laws' residual elsewhere.
+"""Stopping criteria: what iterations leave, and the tolerance ε that it has to fall below.
 
-Where interfaces are not perfect the energy error is that of the delivered fields, see
-``stopping.certificate``; equilibrium and every law have the residuals of
-``stopping.law_residuals``. With ``error: auto`` the tolerance follows an estimate of the
-discretisation error.
+- bonded: the guaranteed bound E of ``stopping.bound``, E ≤ ε, or the paper's indicator η ≤ ε;
+- elsewhere: equilibrium and every law, r ≤ ε, with the residuals r of ``stopping.law_residuals``,
+  and where it is asked for the energy error E ≤ ε of the delivered fields, see
+  ``stopping.certificate``.
+
+With ``error: auto`` the tolerance follows an estimate η_h of the mesh's error: ε ≤ fraction · η_h,
+estimated anew whenever what iterations leave has fallen to the level that the last estimate asked
+for. On perfect interfaces, by Galerkin orthogonality, both errors are the legs of a right-angled
+triangle, so that a fraction of 0.1 makes the whole error half a per cent larger. Elsewhere no right
+angle is left: a fraction of 0.1 may cost up to a tenth.
 """
 
 from __future__ import annotations
@@ -21,59 +26,88 @@ from orchestrator.method.stopping.body_residual import body_residual, judged_tog
 from orchestrator.method.stopping.law_residuals import (FIXED_POINT, law_residuals, Lengths,
                                                         OF_BODIES)
 
+LEAST = 1e-6  # what a tolerance that follows the mesh's error never goes below: the fixed default
 BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
 
 
-class ErrorBoundCriterion(Monitor):
-    """The guaranteed error, or η."""
+class Criterion(Monitor):
+    """A stopping criterion.
+
+    estimate : of the mesh's error, (problem, fields, bound) → relative, which the tolerance
+        follows; None: it is as given
+    error : the latest of these; nan before the first
+    """
+
+    def __init__(self, case: Case):
+        self.case, self.error = case, math.nan
+        self.estimate = case.given.get("estimate") if case.follows else None
+
+    def measured(self, now: Evaluation) -> Verdict:
+        """Return what is compared with the tolerance, and whether it is met."""
+        raise NotImplementedError
+
+    def judge(self, now: Evaluation) -> Verdict:
+        verdict, case = self.measured(now), self.case
+        if self.estimate is None:
+            return verdict
+        if verdict.met:
+            # a back-substitution
+            self.error = self.estimate(now.problem, now.best, verdict.bound)
+            case.value = max(case.method.tolerance.fraction * self.error, LEAST)
+            verdict = verdict.and_then(Verdict(bool(verdict.measure <= case.value), sweeps=1,
+                                               target=(verdict.target[0], case.value)))
+        return verdict.and_then(Verdict(told={"discretisation_error": self.error}))
+
+    def state(self) -> dict[str, Any]:
+        return super().state() | {"followed": [self.case.method.tolerance.fraction, self.error,
+                                               self.case.value]}
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        fraction, error, value = state["followed"]
+        if self.estimate is not None and fraction == self.case.method.tolerance.fraction:
+            self.error, self.case.value = error, value
+        return super().restore(state, problem)
+
+
+class BondedCriterion(Criterion):
+    """The guaranteed error, or η; beside it the true error, where an undecomposed solution
+    is there.
+    """
 
     name, remembered = "error_bound", ("ratio",)
 
     def __init__(self, case: Case):
-        self.case, self.spare, self.ratio = case, case.method.skip.bound, 0.0
+        super().__init__(case)
+        self.spare, self.ratio = case.method.skip.bound, 0.0
 
     @classmethod
-    def of(cls, case: Case) -> ErrorBoundCriterion | None:
+    def of(cls, case: Case) -> BondedCriterion | None:
         return cls(case) if case.problem.all_perfect else None
 
-    def judge(self, now: Evaluation) -> Verdict:
+    def measured(self, now: Evaluation) -> Verdict:
+        name, bound = self.name, self._bound(now)
+        measure = bound.relative
+        if not self.case.by_error:
+            name, measure = "indicator", now.measures.indicator
+        told = {"error_bound": bound.relative}
+        if true_error := self.case.given.get("true_error"):
+            told["true_error"] = true_error(now.best, bound)
+        return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound,
+                       target=(name, self.case.value), sweeps=bound.sweeps, told=told)
+
+    def _bound(self, now: Evaluation):
+        """Return the bound, as far as it has to be known."""
         evaluate, value = now.problem.bound, self.case.value
         known = evaluate.first(now.best)
-        bound = known[0]
-        if not self.case.by_error:
-            eta = now.measures.indicator
-            return self._verdict("indicator", eta, bound)
-        imbalance = now.measures.force_imbalance
+        bound, imbalance = known[0], now.measures.force_imbalance
         due = bound.a <= value and (imbalance <= BALANCED
                                     or self.ratio * imbalance <= _of_size(value))
-        if due or not self.spare:
+        if self.case.by_error and (due or not self.spare):
             bound = evaluate(now.best, value if self.spare else np.inf, known, value)
             least = bound.relative if np.isfinite(bound.relative) else bound.least
             self.ratio = _of_size(least) / imbalance if np.isfinite(
                 least) and imbalance > 0 else 0.0
-        return self._verdict(self.name, bound.relative, bound)
-
-    def _verdict(self, name: str, measure: float, bound) -> Verdict:
-        return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound,
-                       sweeps=bound.sweeps,
-                       told={"target": (name, self.case.value), "error_bound": bound.relative})
-
-
-class TrueErrorMonitor(Monitor):
-    """Tells what ``given["true_error"]``, (fields, bound) → relative energy error, says."""
-
-    name = "true_error"
-
-    def __init__(self, case: Case):
-        self.case = case
-
-    @classmethod
-    def of(cls, case: Case) -> TrueErrorMonitor | None:
-        return cls(case) if case.given.get("true_error") else None
-
-    def judge(self, now: Evaluation) -> Verdict:
-        return Verdict(
-            told={"true_error": self.case.given["true_error"](now.best, now.verdict.bound)})
+        return bound
 
 
 def _of_size(relative: float) -> float:
@@ -99,74 +133,38 @@ LAWFUL = 0.1
 STOPS = "error bound stands still"
 
 
-class EnergyErrorCriterion(Monitor):
-    """The energy error.
+class LawCriterion(Criterion):
+    """Equilibrium and the laws, or η, where matter is nonlinear the fixed point's residual too; then
+    the energy error, where it is asked for.
 
-    at, residual, error : iteration, law residual and E of the last evaluation; infinite before the
-        first
+    certified : whether it is
+    at, residual, energy_error : iteration, law residual and E of the last evaluation; infinite before
+        the first
     since : the same of the evaluation that E has to fall below
     asked : E when springs were last asked to become weaker
     waited : how often E stood still though laws hold well
     """
 
-    name, remembered = "energy_error", ("at", "residual", "error", "since", "asked", "waited")
-
-    def __init__(self, case: Case):
-        self.case, self.at, self.residual, self.error, self.waited = case, 0, np.inf, np.inf, 0
-        self.since, self.asked = (0, np.inf, np.inf), np.inf
-
-    @classmethod
-    def of(cls, case: Case) -> EnergyErrorCriterion | None:
-        return cls(case) if case.problem.certificate is not None and case.by_error else None
-
-    def judge(self, now: Evaluation) -> Verdict:
-        value, residual = self.case.value, now.verdict.laws.largest_other
-        told = {"target": ("error_bound", value)}
-        if not self.due(now.number, residual, value):
-            return Verdict(False, told={**told, "error_bound": np.nan})
-        bound = now.problem.certificate(now.best, value)
-        error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
-        self.at, self.residual, self.error = now.number, residual, error
-        still, excess = self.stands_still() and error > value, 0.0
-        if still and error <= FALLS * self.asked:
-            self.asked, excess = error, float(error / max(value, residual))
-        self.waited = self.waited + (still and residual <= SETTLED * value)
-        formed = not bound.pair.missing  # where it cannot be, laws that hold well have to do
-        met = bound.relative <= value if formed else now.verdict.laws.largest <= LAWFUL * value
-        reason = STOPS if self.waited >= MOST and not met else ""
-        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps,
-                       excess=excess,
-                       told={**told, "error_bound": bound.relative})
-
-    def due(self, number: int, residual: float, value: float) -> bool:
-        """Whether E may be met in an iteration, taken to fall with the law residual."""
-        if not residual <= NEAR * value:
-            return False
-        return number >= self.at + PATIENCE or residual * self.error <= value * self.residual or residual <= LESS * self.residual
-
-    def stands_still(self) -> bool:
-        """Whether E has not fallen while the residual has halved, or in ``PATIENCE`` iterations."""
-        at, residual, error = self.since
-        now, fallen = (self.at, self.residual, self.error), self.error <= STALLED * error
-        waited = self.residual <= LESS * residual or self.at >= at + PATIENCE
-        if fallen or waited:
-            self.since = now
-        return waited and not fallen
-
-
-class LawCriterion(Monitor):
-    """Equilibrium and the laws, or η. Where matter is nonlinear, the fixed point's residual too."""
-
     name = "law_residual"
+    remembered = ("at", "residual", "energy_error", "since", "asked", "waited")
 
     def __init__(self, case: Case):
-        self.case, self.groups = case, judged_together(case.problem.scene, case.lengths)
+        super().__init__(case)
+        self.groups = judged_together(case.problem.scene, case.lengths)
+        self.certified = case.problem.certificate is not None and case.by_error
+        self.at, self.residual, self.energy_error, self.waited = 0, np.inf, np.inf, 0
+        self.since, self.asked = (0, np.inf, np.inf), np.inf
 
     @classmethod
     def of(cls, case: Case) -> LawCriterion | None:
         return None if case.problem.all_perfect else cls(case)
 
-    def judge(self, now: Evaluation) -> Verdict:
+    def measured(self, now: Evaluation) -> Verdict:
+        verdict = self._lawful(now)
+        return verdict.and_then(self._certified(now, verdict)) if self.certified else verdict
+
+    def _lawful(self, now: Evaluation) -> Verdict:
+        """Return how well equilibrium and laws hold."""
         problem, lengths = now.problem, self.case.lengths(now.best.u)
         parts = [(problem.local.pairs, *now.best.extended, now.local, problem.local.before)]
         laws = law_residuals(parts, lengths, problem.space.team)
@@ -176,11 +174,45 @@ class LawCriterion(Monitor):
             laws = laws.and_also(OF_BODIES,
                                  body_residual(parts, lengths, problem.space, self.groups))
         value = laws.largest if self.case.by_error else now.measures.indicator
+        name = self.name if self.case.by_error else "indicator"
         return Verdict(bool(value <= self.case.value), measure=value, laws=laws, lengths=lengths,
-                       told={
-            "target": (self.name if self.case.by_error else "indicator", self.case.value),
-            "law_residual": laws.largest,
-            "laws": laws.measures})
+                       target=(name, self.case.value), told={"law_residual": laws.largest})
+
+    def _certified(self, now: Evaluation, lawful: Verdict) -> Verdict:
+        """Return the energy error, once it may be met."""
+        value, residual = self.case.value, lawful.laws.largest_other
+        target = "error_bound", value
+        if not self.due(now.number, residual, value):
+            return Verdict(False, target=target, told={"error_bound": np.nan})
+        bound = now.problem.certificate(now.best, value)
+        error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
+        self.at, self.residual, self.energy_error = now.number, residual, error
+        still, excess = self.stands_still() and error > value, 0.0
+        if still and error <= FALLS * self.asked:
+            self.asked, excess = error, float(error / max(value, residual))
+        self.waited = self.waited + (still and residual <= SETTLED * value)
+        formed = not bound.pair.missing  # where it cannot be, laws that hold well have to do
+        met = bound.relative <= value if formed else lawful.laws.largest <= LAWFUL * value
+        reason = STOPS if self.waited >= MOST and not met else ""
+        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps,
+                       excess=excess, target=target, told={"error_bound": bound.relative})
+
+    def due(self, number: int, residual: float, value: float) -> bool:
+        """Whether E may be met in an iteration, taken to fall with the law residual."""
+        if not residual <= NEAR * value:
+            return False
+        return (number >= self.at + PATIENCE or residual <= LESS * self.residual
+                or residual * self.energy_error <= value * self.residual)
+
+    def stands_still(self) -> bool:
+        """Whether E has not fallen while the residual has halved, or in ``PATIENCE`` iterations."""
+        at, residual, error = self.since
+        now = self.at, self.residual, self.energy_error
+        fallen = self.energy_error <= STALLED * error
+        waited = self.residual <= LESS * residual or self.at >= at + PATIENCE
+        if fallen or waited:
+            self.since = now
+        return waited and not fallen
 
 
 def _fixed_point(now: Evaluation, lengths: Lengths) -> float:
@@ -191,47 +223,3 @@ def _fixed_point(now: Evaluation, lengths: Lengths) -> float:
     size = float(np.sqrt(np.sum(now.local.s**2 / k)))
     return now.measures.residual * size / (max(size, float(np.sqrt(k.sum())) * lengths.of_rest)
                                            or 1.0)
-
-
-LEAST = 1e-6  # what the tolerance never goes below: the fixed default
-
-
-class MeshError(Monitor):
-    """The discretisation error as the last estimate has it: (problem, fields, bound) → relative,
-    energy norm.
-
-    ε ≤ fraction · η_h, η_h estimated anew whenever ε has fallen to the level that the last estimate
-    asked for. On perfect interfaces ε is the bound. By Galerkin orthogonality both errors are the
-    legs of a right-angled triangle, so that a fraction of 0.1 makes the whole error half a per cent
-    larger. Elsewhere ε is the energy error, see ``energy_error``, and no right angle is left: a
-    fraction of 0.1 may cost up to a tenth.
-    """
-
-    name = "mesh_error"
-
-    def __init__(self, case: Case):
-        self.case, self.fraction, self.error = case, case.method.tolerance.fraction, math.nan
-
-    @classmethod
-    def of(cls, case: Case) -> MeshError | None:
-        return cls(
-            case) if case.method.tolerance.error == "auto" and "estimate" in case.given else None
-
-    def judge(self, now: Evaluation) -> Verdict:
-        verdict = now.verdict
-        if not verdict.met:
-            return Verdict(told={"discretisation_error": self.error})
-        # a back-substitution
-        self.error = self.case.given["estimate"](now.problem, now.best, verdict.bound)
-        self.case.value = max(self.fraction * self.error, LEAST)
-        return Verdict(bool(verdict.measure <= self.case.value), sweeps=1, told={
-            "discretisation_error": self.error,
-            "target": (verdict.told["target"][0], self.case.value)})
-
-    def state(self) -> dict[str, Any]:
-        return {"value": self.case.value, "fraction": self.fraction, "error": self.error}
-
-    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        if state["fraction"] == self.fraction:
-            self.case.value, self.error = state["value"], state["error"]
-        return problem

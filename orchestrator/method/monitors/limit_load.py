@@ -66,20 +66,21 @@ class LimitLoadMonitor(Monitor):
 
     name, remembered = "limit_load", ("shown", "unsolved", "far")
 
-    def __init__(self, loads: LimitLoads, settled: tuple[np.ndarray, np.ndarray] | None = None,
-                 shares: dict[int, float] | None = None):
+    def __init__(self, loads: LimitLoads, case: Case):
         self.loads, self.limits, self.known, self.shown, self.meeting = loads, [], {}, 0.0, None
-        self.settled, self.far, self.shares = settled, 0, {} if shares is None else shares
+        last = next((x.local for x in reversed(case.before) if x.converged), None)
+        self.settled = None if last is None or last.lawful is None else (last.lawful[-1],
+                                                                         last.jump[-1])
+        self.shares: dict[int, float] = case.given.setdefault("shares", {})
         self.way: dict[float, LimitLoad | None] = {}
-        self.unsolved = 0
+        self.far = self.unsolved = 0
 
     @classmethod
     def of(cls, case: Case) -> LimitLoadMonitor | None:
         if case.problem.all_perfect:
             return None
         loads = LimitLoads(case.problem)
-        return cls(loads, case.given.get("settled"),
-                   case.given.get("shares")) if loads.loose else None
+        return cls(loads, case) if loads.loose else None
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, pairs = now.verdict, now.problem.local.pairs
@@ -87,7 +88,7 @@ class LimitLoadMonitor(Monitor):
             return Verdict()
         if now.problem.following is not None and pairs.transfer is not self.meeting:
             self.meeting, self.known, self.way = pairs.transfer, {}, {}
-        value = verdict.told["target"][1]
+        value = verdict.target[1]
         if (verdict.met and now.problem.path_dependent
                 and self.loads.let_go(now.problem, now.local.lawful, value)):
             return Verdict(False, LET_GO, led=True)
