@@ -229,6 +229,16 @@ CASES = {
             {"law": "contact", "between": ["*", {"sphere": {"centre": [4, 0.5, 0.8], "radius": 2}, "force": [-20, 0, 0]}]}],
         "boundary": [{"on": "foot/zmin", "displacement": [0, 0, 0]}], "method": {"tolerance": {"error": 1e-4}},
     },
+    # a plane that presses on two bodies in contact: on the rank of the third, and largest, no point is
+    "contact on one of two ranks": {
+        "parts": [boxed("base", [2, 1, 0.5], [6, 4, 4], [0, 0, 0]), boxed("left", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5]),
+                  boxed("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"law": "perfect"}, {"between": ["left", "right"], "law": "contact", "friction": 0.2},
+            {"law": "contact", "friction": 0.2, "between": [
+                "*t", {"plane": {"at": [0, 0, 1.001], "normal": [0, 0, -1]}, "displacement": [0.001, 0, -0.003]}]}],
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}], "method": {"tolerance": {"error": 1e-4}},
+    },
 }
 
 

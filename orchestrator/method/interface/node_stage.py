@@ -99,9 +99,9 @@ def _met(groups: NodeGroups, pairs: Pairs, q: np.ndarray, before: History,
     """Forces q (T, 3, P), past, and anchors at the groups' points, other ranks' behind."""
     names = sorted({v.name for law in pairs.laws for v in law.variables})
     none, P = np.zeros(len(pairs)), len(pairs)
-    own = np.array([before.own.get(name, none) for name in names]).reshape(-1, P)
-    parts = [q.reshape(-1, P), before.jump, own,
-             *([] if anchors is None else [anchors.reshape(-1, P)])]
+    own = np.array([before.own.get(name, none) for name in names]).reshape(len(names), P)
+    parts = [q.reshape(3 * len(q), P), before.jump, own,
+             *([] if anchors is None else [anchors.reshape(3 * len(q), P)])]
     here = [np.hstack([part[:, groups.chosen], far[:, groups.behind]])
             for part, far in zip(parts, groups.points(*parts))]
     q, jump, own = here[0].reshape(len(q), 3, -1), here[1], dict(zip(names, here[2]))
