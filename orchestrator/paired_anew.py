@@ -34,7 +34,7 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
     built : what makes the scene of a configuration
     solve : solves a configuration on a scene; iterations are counted from the start
     """
-    slid = _slid(config, first) if first.converged and first.answers.met is not None else {}
+    slid = _slid(config, first) if first.converged and first.met is not None else {}
     if not slid:
         return first
     many = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element"
@@ -69,7 +69,7 @@ def without_checkpoints(subscribers: Sequence[Subscriber]) -> list[Subscriber]:
 
 def _slid(config: Config, solution: Solution) -> dict[str, float]:
     """How far sides have slid that may follow, the farthest first."""
-    far = solution.answers.met.slides
+    far = solution.met.slides
     auto = {i.name for i in solution.scene.interfaces if i.entry >= 0
             and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
     return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto
@@ -141,6 +141,6 @@ def _cannot(first: Solution, name: str) -> str:
     one, two = (first.scene.subdomains[e] for e in _named(first.scene, name).subdomains)
     if one.body != one.name or two.body != two.name:
         return "bodies are cut further"
-    if first.answers.met.common[first.answers.met.names.index(name)]:
+    if first.met.common[first.met.names.index(name)]:
         return "they share faces of one mesh"
     return ""

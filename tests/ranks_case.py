@@ -17,6 +17,7 @@ from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.launch import join
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.results.extremes import STRESS
 from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
 
@@ -256,20 +257,20 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
     if summary["limit_load"]:
         result["limit"] = [[limit["lacking"], *limit["motions"][0]["shift"]] for limit in summary["limit_load"]]
-    for bolt in summary.get("bolts", ()):
+    for bolt in summary["bolts"] or ():
         result[f"bolt {bolt['name']}"] = [bolt[name] for name in ("force", "shear", "bending", "torsion", "shortening")]
     if summary["error_shares"]:
         result["shares"] = [share for _, share in sorted(summary["error_shares"]["bodies"].items())]
     if summary["places"]:
-        result["places"] = np.nan_to_num([far for _, far in sorted(summary["places"]["bodies"].items())], posinf=0.0)
+        result["places"] = [far or 0.0 for _, far in sorted(summary["places"]["bodies"].items())]
     if summary["tools"]:
         result["tools"] = [tool[name] for tool in summary["tools"] for name in ("displacement", "rotation")]
-    carried = solved.answers.interfaces.resultants
+    carried = solved.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
-               "stresses": solved.answers.extremes.value[:, :, 4:]}
+               "stresses": [float(row[3]) for row in solved.tables["extremes.csv"][1:] if row[1] in STRESS]}
     result |= {one["name"]: np.nan_to_num(np.array(list(one["values"].values()), float))
                for one in (*summary["probes"], *summary["paths"])}
-    if (met := solved.answers.met) is not None:  # what nodes add up to, which are on all ranks
+    if (met := solved.met) is not None:  # what nodes add up to, which are on all ranks
         result |= {"taken": met.work, "lost": met.dissipation, "pressed": met.pressure, "each": met.resultant,
                    "far": np.nan_to_num([met.slid, met.amiss]),
                   "on faces": [0.0, *(x for face in met.faces for name in ("normal", "bears", "carried", "capacity") for x in face.carries[name])],

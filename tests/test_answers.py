@@ -10,7 +10,6 @@ from yaml_case import call
 
 from orchestrator.config.load import config_from
 from orchestrator.results.extremes import extremes
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -73,7 +72,7 @@ def test_tension_and_bending_of_a_bar(element, tmp_path):
     assert close(reactions.sum(axis=0), 0.0, 1e-9) and close(moments.sum(axis=0), 0.0, 1e-9)
     assert close(moments[0, 1], -np.cross(np.array([0, 0.5, 0.5]) - at_the_end, [FORCE, 0, 0]) - [0, MOMENT, 0])
     assert summary["reaction_names"] == ["xmin", "xmax", "xmax"]
-    table = found.answers.interfaces.resultants
+    table = found.resultants
     assert close(table.force, [[[FORCE, 0, 0]]] * 2) and close(table.moment[:, 0], [[0, 0, 0], [0, MOMENT, 0]])
     assert close(table.pressure_centre[:, 0], [[2, 0.5, 0.5], [2, 0.5, 0.5 + MOMENT / FORCE]])
     if element == "P2":
@@ -81,7 +80,7 @@ def test_tension_and_bending_of_a_bar(element, tmp_path):
         assert close(peak["value"], FORCE + MOMENT * 6) and close(peak["at"][2], 1.0) and peak["load_step"] == 2
         assert close(farthest["at"][0], LENGTH) and farthest["part"] == "box"
 
-    found.answers.write(ResultsFolder(tmp_path))
+    found.write(tmp_path)
     rows = {name: list(csv.DictReader(open(tmp_path / f"{name}.csv"))) for name in ("probes", "extremes", "interfaces")}
     assert [float(row["tip.ux"]) for row in rows["probes"]] == told["tip"]["values"]["ux"]
     assert [row["load_step"] for row in rows["probes"]] == ["1", "2"]
@@ -102,8 +101,8 @@ def test_resultants_are_in_equilibrium_where_meshes_do_not_match(element, law):
         "method": {"tolerance": {"law" if law["law"] == "contact" else "error": 1e-9}},
         "output": {"probes": [{"on": name, "part": name.split("/")[0], "quantity": "resultant", "about": [0, 0, 0]}
                               for name in ("top/zmin", "base/zmin", "base/xmin")]}}))
-    table = found.answers.interfaces.resultants
-    side = 1 if found.answers.interfaces.sides[0][0] == "base" else -1
+    table = found.resultants
+    side = 1 if found.scene.subdomains[found.scene.interfaces[0].subdomains[0]].name == "base" else -1
     carried = np.concatenate([table.force[0, 0], table.moment[0, 0] + np.cross(table.centre[0], table.force[0, 0])])
     support = np.concatenate([found.summary["reactions"][0][0], found.summary["reaction_moments"]["moments"][0][0]])
     on_top, below, free = (np.array(list(probe["values"].values()))[:, 0] for probe in found.summary["probes"])
@@ -139,18 +138,18 @@ def test_friction_turns_work_into_heat():
                      {"on": "top/zmax", "displacement": [[0, 0, -press], [push, 0, -press], [2 * push, 0, -press]]}],
         "method": {"tolerance": {"error": 1e-9}}, "output": {"probes": [{"on": "top/zmin", "quantity": "resultant"}]}})
     found = solve(made)
-    table, normal = found.answers.interfaces, 100.0 * press
-    resultants = table.resultants
+    table, normal, resultants = found.met, 100.0 * press, found.resultants
     held = np.array(found.summary["reactions"])[0]
-    side = 1 if table.sides[0][0] == "base" else -1
+    side = 1 if found.scene.subdomains[found.scene.interfaces[0].subdomains[0]].name == "base" else -1
     assert close(resultants.force[:, 0], -side * held, 1e-7) and close(resultants.force[:, 0, 2], -side * normal, 1e-6)
     assert close(np.abs(resultants.force[2, 0, 0]), slip * normal, 1e-6)
-    assert (table.pressure[1:] >= normal).all() and close(table.pressure[0], found.interfaces.pressure[0].max())
+    pressure, = table.pressure
+    assert (pressure[1:] >= normal).all() and close(pressure[0], found.interfaces.pressure[0].max())
     on_top = np.array([found.summary["probes"][0]["values"][key] for key in ("fx", "fy", "fz")]).T
     assert close(on_top, held, 1e-7)
     # the second push slides the block as a whole, but for what its tipping has left to be sheared
-    assert table.dissipation[2, 0] - table.dissipation[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
-    assert table.work[2, 0] - table.work[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
+    assert table.dissipation[0, 2] - table.dissipation[0, 1] == pytest.approx(slip * normal * push, rel=1e-4)
+    assert table.work[0, 2] - table.work[0, 1] == pytest.approx(slip * normal * push, rel=1e-4)
 
 
 GOOD = """

@@ -21,9 +21,9 @@ def test_bodies_are_in_balance(name):
     total = np.zeros((scene.steps, len(scene.subdomains), 3))
     for k, i in enumerate(scene.interfaces):
         for sign, e in zip((1, -1), i.subdomains):
-            total[:, e] += sign * solved.answers.interfaces.resultants.force[:, k]
+            total[:, e] += sign * solved.resultants.force[:, k]
     held = [s.fixed.any() for s in scene.subdomains]
-    size = np.abs(solved.answers.interfaces.resultants.force).max()
+    size = np.abs(solved.resultants.force).max()
     assert np.abs(total[:, ~np.array(held)]).max(initial=0.0) <= 1e-10 * size
     assert np.abs(total.sum(axis=1) + np.sum(solved.reactions, axis=0)).max() <= 1e-10 * size
     fields = solved.fields.interfaces

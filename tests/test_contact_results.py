@@ -9,7 +9,6 @@ import pytest
 from orchestrator.laws.contact import OPEN, SLIP, STICK
 from orchestrator.method.delivery.moved import rotations
 from orchestrator.results.summary.cautions import cautions
-from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.summary.lines import summary_rows
 
 FRICTION = 0.3
@@ -76,7 +75,7 @@ def test_warnings():
     assert "block 0-0-1" in dict(summary_rows(found.summary))["warning"]
     interface = found.scene.interfaces[0]
     interface.law = replace(interface.law, friction=1.5)
-    assert any("friction 1.5" in t and "not assured" in t for t in cautions(found.scene, found.sides, found.answers.met))
+    assert any("friction 1.5" in t and "not assured" in t for t in cautions(found.scene, found.sides, found.met))
     points = np.random.default_rng(1).normal(size=(20, 3))
     spin = np.array([[0.0, 0.2, 0.0], [0.01, 0, 0]])
     turned = np.cross(spin[:, None, :], points) + np.array([1.0, 2.0, 3.0])

@@ -10,6 +10,7 @@ from orchestrator import InputError
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import MeshEntry as Section
 from orchestrator.results.summary.lines import summary_rows
+from orchestrator.results.summary.summary import View
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.scene.fits import bolts
 from orchestrator.scene.mesh.sources import make_mesh
@@ -63,7 +64,7 @@ def face(name: str, kind: str = "plane", normal=(1e4, 1e4), used=(0.1, 0.6), sli
 
 
 def told(*faces: dict, **more: object) -> list[str]:
-    return verdict({"converged": True, "tolerance": 1e-4, "contact_faces": faces, **more})
+    return verdict(View({"converged": True, "tolerance": 1e-4, "contact_faces": faces, **more}))
 
 
 def test_shanks_that_bear_are_told_above_the_tolerance():

@@ -26,7 +26,7 @@ def piles(tolerance, which=("heavy", "light")):
 def light_force(solved):
     """(T, 3) what the joint with friction carries."""
     which, = (k for k, i in enumerate(solved.scene.interfaces) if i.law.friction)
-    return solved.answers.interfaces.resultants.force[:, which]
+    return solved.resultants.force[:, which]
 
 
 def test_a_light_joint_is_judged_by_its_own_forces_beside_a_heavy_one():

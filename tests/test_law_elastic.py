@@ -14,7 +14,6 @@ from test_laws import assert_consistent
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
-from orchestrator.results.figures.pictures import interfaces
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 

@@ -5,7 +5,7 @@ import pytest
 import results_case as case
 
 from orchestrator.results.figures.charts import convergence, time_per_stage, tolerance
-from orchestrator.results.summary.summary import STAGES
+from orchestrator.results.summary.summary import STAGES, View
 
 BONDED = {"error_bound": "error bound", "residual": "residual ‖Δs‖", "indicator": "indicator η, a squared ratio",
           "displacement_jump": "displacement jump ‖B w‖", "force_imbalance": "force imbalance ‖A f‖"}
@@ -20,7 +20,7 @@ def curves(figure):
 
 def test_curves_are_the_history():
     history = case.history()
-    found = curves(convergence(case.summary(true_error=None), history))
+    found = curves(convergence(View(case.summary(true_error=None)), history))
     assert set(found) == set(BONDED.values())
     for column, label in BONDED.items():
         known = np.isfinite(history[column]) & (history[column] > 1e-17)
@@ -32,18 +32,18 @@ def test_with_laws_the_largest_of_their_measures_is_drawn():
     """And the jump is not: interfaces that open are meant to jump. Each curve has a colour and a marker of its own."""
     history = case.history()
     history |= {"law_residual": history["residual"] * 2, "error_bound": np.full(7, np.nan), "penetration": history["residual"]}
-    figure = convergence(case.summary(true_error=None, status_counts={"open": [1, 2]}), history)
+    figure = convergence(View(case.summary(true_error=None, status_counts={"open": [1, 2]})), history)
     assert set(curves(figure)) == {"law residual, the largest", "residual ‖Δs‖", "indicator η, a squared ratio",
                                    "force imbalance ‖A f‖"}
     drawn = [line for line in figure.axes[0].lines if not line.get_label().startswith("_")]
     for looks in ([line.get_color() for line in drawn], [line.get_marker() for line in drawn]):
         assert len(set(looks)) == len(drawn)
-    assert tolerance(case.summary(status_counts={"open": [1]})) == ("law residual", 1e-6)
+    assert tolerance(View(case.summary(status_counts={"open": [1]}))) == ("law residual", 1e-6)
 
 
 def test_bars_are_the_seconds():
     summary = case.summary()
-    figure = time_per_stage(summary)
+    figure = time_per_stage(View(summary))
     axes, = figure.axes
     bars = dict(zip((label.get_text() for label in axes.get_yticklabels()), (bar.get_width() for bar in axes.patches)))
     timing = summary["timing"]

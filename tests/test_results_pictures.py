@@ -22,6 +22,7 @@ from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.pictures import compose, deformed, draw as draw_view, fitted, interfaces, outer_surface, shares
 from orchestrator.results.figures.plotting import RED
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.summary.summary import View
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.sources import bricks
 
@@ -55,7 +56,7 @@ def test_the_surface_is_the_outer_one_turned_outward_and_parted_by_subdomains():
     assert len(triangles) == 2 * (2 * 4 + 4 * 12) and np.linalg.norm(normal, axis=1).sum() == pytest.approx(2 * (3 + 3 + 1))
     assert (np.einsum("ij,ij->i", normal, nodes[triangles].mean(axis=1) - [1.5, 0.5, 0.5]) > 0).all()
     np.testing.assert_array_equal(nodes, fields.nodes[fields.nodal.split[0][surface["place"]]])
-    lines = deformed(replace(fields, displacement=0 * fields.displacement), {}).lines[0]
+    lines = deformed(replace(fields, displacement=0 * fields.displacement), View({})).lines[0]
     on_border = np.isin(np.asarray(lines.points)[:, 0].round(9), [1.0, 2.0])
     on_edges = (np.isin(np.asarray(lines.points).round(9), [0.0, 1.0, 3.0]) & [True, True, True]).sum(axis=1) >= 2
     assert on_border.any() and (on_border | on_edges).all()
@@ -63,7 +64,7 @@ def test_the_surface_is_the_outer_one_turned_outward_and_parted_by_subdomains():
 
 def test_colours_go_from_zero_to_the_peak_and_shapes_are_those_told():
     fields = case.fields()
-    picture = deformed(fields, {})
+    picture = deformed(fields, View({}))
     shape, = picture.surfaces
     values = fields.nodal.von_mises(1)
     assert picture.limits == (0.0, values.max()) and picture.headings == ["load step 2 of 2"]
@@ -73,7 +74,7 @@ def test_colours_go_from_zero_to_the_peak_and_shapes_are_those_told():
     node = fields.nodal.split[0][place]
     np.testing.assert_allclose(shape.points, fields.nodes[node] + factor * fields.displacement[1][node])
     assert f"displacements × {factor:g}" in picture.told and any(text.startswith("peak von Mises stress") for text in picture.told)
-    asked = deformed(fields, {"peak_stress": {"load_step": 1}})
+    asked = deformed(fields, View({"peak_stress": {"load_step": 1}}))
     assert asked.headings == ["load step 1 of 2"] and asked.limits[1] == fields.nodal.von_mises(0).max()
 
 
@@ -85,7 +86,7 @@ def test_a_peak_beyond_the_rest_has_a_colour_of_its_own():
 
     def picture(stiff):
         lame = np.tile(np.where(far < 0.7, stiff, 1.0)[:, None], 2)
-        return deformed(Fields(mesh.nodes, mesh.cells, np.zeros(len(mesh.cells), int), lame, stretched), {})
+        return deformed(Fields(mesh.nodes, mesh.cells, np.zeros(len(mesh.cells), int), lame, stretched), View({}))
 
     with Artist() as artist:  # a process that draws may end, as where there is no display
         def done(*job):
@@ -105,7 +106,7 @@ def test_a_peak_beyond_the_rest_has_a_colour_of_its_own():
 def test_each_nodes_status_fills_its_share():
     """At the first, the middle and the last load step, and at that of the peak."""
     fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
-    i, picture = fields.interfaces, interfaces(fields, {})
+    i, picture = fields.interfaces, interfaces(fields, View({}))
     assert picture.kinds == ["open", "stick", "slip"] and picture.headings == ["load step 1 of 2", "load step 2 of 2"]
     assert picture.told == ["1 interface, undeformed"]
     last, area = picture.surfaces[1], np.linalg.norm(area_vectors(fields.nodes[i.nodes], i.triangles), axis=1)
@@ -117,7 +118,7 @@ def test_each_nodes_status_fills_its_share():
     parts = shares(np.random.default_rng(0).random((5, 3, 3)))
     areas = np.linalg.norm(np.cross(parts[..., 1, :] - parts[..., 0, :], parts[..., 2, :] - parts[..., 0, :]), axis=-1)
     assert np.allclose(areas, areas.mean(axis=(1, 2), keepdims=True))
-    assert interfaces(case.fields(), {}) is None
+    assert interfaces(case.fields(), View({})) is None
 
 
 # --- what one sees ----------------------------------------------------------------------------------------
@@ -128,7 +129,7 @@ def test_each_nodes_status_fills_its_share():
 def test_colours_are_those_of_the_statuses(draw, tmp_path):
     """Seen from where all of the interface is seen, each status has its share of the pixels; the figure names them."""
     fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
-    picture, i = interfaces(fields, {}), fields.interfaces
+    picture, i = interfaces(fields, View({})), fields.interfaces
     alone = replace(picture, lines=[line.extract_points(np.zeros(0, int)) for line in picture.lines])
     seen = draw(alone, 1, 600)
     shown = [share(seen, i.kind_colours[i.kind_names == name][0]) for name in picture.kinds]

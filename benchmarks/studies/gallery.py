@@ -22,6 +22,7 @@ from benchmarks.kit.tutorials import followed
 from orchestrator import BlackBoxError, Solution
 from orchestrator.results.figures.artist import drawn
 from orchestrator.results.figures.pictures import deformed, draw, fitted
+from orchestrator.results.summary.summary import View
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
@@ -134,7 +135,7 @@ def thumbnail(folder: Path) -> bytes:
     from PIL import Image
 
     solution, buffer = Solution.read(folder), io.BytesIO()
-    picture = fitted(deformed(solution.fields, solution.summary))
+    picture = fitted(deformed(solution.fields, View(solution.summary)))
     largest = int(np.argmax([np.nanmax(surface["colour"]) for surface in picture.surfaces]))
     Image.fromarray(draw(picture, largest, WIDTH)).quantize(256, Image.Quantize.MAXCOVERAGE).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()

@@ -40,7 +40,7 @@ from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import RankPart, make_soles_of
 from orchestrator.parallel.placement import Placement
 from orchestrator.parallel.team import ALONE
-from orchestrator.results.answers import InterfaceTable
+from orchestrator.results.answers import INTERFACES, interface_table
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.part import overview, part_of
 
@@ -152,9 +152,9 @@ def measure_parts(cubes: Callable[[Sequence[int], int], Config]) -> Parts:
     own = RankPart.of(part, config.method, rank_of, ALONE)  # what set-up does of all subdomains
     make_soles_of(own, config.method, Placement.of(part, rank_of, ALONE).touched)
     done, none = time.process_time(), np.zeros((scene.steps, len(scene.interfaces), 3))
-    table = InterfaceTable.of(scene, Resultants(none, none, none, none[0], none[0, :, 0]), None)
+    table = interface_table(scene, Resultants(none, none, none, none[0], none[0, :, 0]), None)
     with TemporaryDirectory() as folder:
-        table.write(ResultsFolder(folder))
+        ResultsFolder(folder).write_table(INTERFACES, table)
     seconds = handed - begin, done - handed, time.process_time() - done
     return Parts(*(each / count for each in seconds), told / (rank_of == 0).sum())
 

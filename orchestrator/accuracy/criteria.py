@@ -44,7 +44,7 @@ from orchestrator.accuracy.passes import Pass, Peak
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.results.extremes import STRESS
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.summary import jsonable, numbers_of
+from orchestrator.results.summary.summary import numbers_of, View
 from orchestrator.scene.mesh.size_map import edge_lengths
 
 ITERATIONS = 0.1  # share of the iterations in what is asked for
@@ -122,7 +122,7 @@ CLEAR = 0.8  # of the error, or the size, before: meshes that are hardly finer t
 
 def answers(summary: Mapping[str, object]) -> dict[str, float]:
     """The numbers of a summary that have a limit, by the names of ``numbers_of``."""
-    return {name: value for name, value in numbers_of(jsonable(summary)).items()
+    return {name: value for name, value in numbers_of(View(summary)).items()
             if name not in UNTOLD and not name.startswith("pairs.")
             and name.rpartition(".")[2] not in STRESS}
 

@@ -19,7 +19,8 @@ from orchestrator.apart import Mesher
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Tolerance
 from orchestrator.config.model import Config
-from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
+from orchestrator.errors import (
+    BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong)
 from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.method.monitors.criteria import LEAST
 from orchestrator.parallel.team import Elsewhere
@@ -39,7 +40,9 @@ STALLED = 0.9
 # times more elements
 LEAST_GROWTH = 1.5
 BETWEEN = "the next mesh has not been made yet; --resume goes on"
-UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
+UNKNOWN = (
+    "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the "
+    "mesh's alone")
 UNMEASURED = (
     f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what the "
     "estimate tells")
@@ -82,9 +85,10 @@ class _Refinement:
             error=max(ITERATIONS * self.asked.error, LEAST))
         self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
-        self.begun, self.since = time.perf_counter(), time.perf_counter()
+        self.begun = self.since = time.perf_counter()
         self.watch = means.watch or Stopwatch.since_launch()
-        self.passes, self.plan, self.why, self.unsolved, self.mesher, self.known = Passes(), None, "", "", None, {}
+        self.passes, self.known, self.plan, self.mesher = Passes(), {}, None, None
+        self.why = self.unsolved = ""
 
     def run(self, resume: bool, **options: bool) -> int:
         sources = [self.config.mesh] if self.config.mesh else [
@@ -192,7 +196,8 @@ class _Refinement:
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
-        self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
+        self.plan, self.why = None, ""
+        self.unsolved = "" if solution.converged else solution.stop_reason
         met = believed and energy.met
         missed = solution.converged and not met
         if missed:

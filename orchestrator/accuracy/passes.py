@@ -71,10 +71,14 @@ class Pass:
 
     def line(self, number: int) -> str:
         """For the screen."""
-        beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
+        beside = (
+            "iterations' unknown" if self.iterations_error is None
+            else f"iterations' {self.iterations_error:.1e}")
         how = "estimated" if self.told is None else "measured against the mesh before"
         kept = f", kept: {some(self.kept)}" if self.kept else ""
-        finer = f"; finer: {some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
+        finer = (
+            f"; finer: {some(self.refined)} ({self.had:.0%} of the squared error){kept}"
+            if number > 1 else "")
         return (
             f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's "
             f"{self.mesh_error:.2%} {how}, {beside}), {self.seconds:.1f} s{finer}")

@@ -9,20 +9,18 @@ errors of the meshes are added. Rounding is always let through.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from orchestrator.results.fields.npz import read_npz
-from orchestrator.results.summary.summary import read_summary
+from orchestrator.results.summary.summary import quantities, read_summary, View
 from orchestrator.scene.inspection import columns
 
 ROUNDING = 1e-9  # relative; another number of ranks adds in another order
 FACTS = ("converged", "stop_reason", "load_steps")
-KINDS = {"displacement": "length", "stress": "stress", "force": "force"}
+SHOWN = ("iterations", "error_bound", "discretisation_error")
 
 
 @dataclass(frozen=True)
@@ -30,8 +28,7 @@ class Row:
     """One quantity in both runs; ``allowed`` is None where it is shown and not judged."""
 
     name: str
-    one: str
-    other: str
+    both: Sequence[str]
     difference: float = 0.0
     allowed: float | None = None
 
@@ -41,12 +38,9 @@ class Row:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        judged = (
-            ("-", "-", "")
-            if self.allowed is None
-            else (f"{self.difference:.1e}", f"{self.allowed:.1e}", "DIFFERENT" * self.differs)
-        )
-        return self.name, self.one, self.other, *judged
+        judged = ("-", "-", "") if self.allowed is None else (
+            f"{self.difference:.1e}", f"{self.allowed:.1e}", "DIFFERENT" * self.differs)
+        return self.name, *self.both, *judged
 
 
 @dataclass(frozen=True)
@@ -63,19 +57,10 @@ class Comparison:
     def lines(self) -> list[str]:
         """Return the table as text, and the verdict."""
         judged, bad = sum(row.allowed is not None for row in self.rows), len(self.different)
-        verdict = (
-            f"DIFFERENT: {bad} of {judged} quantities"
-            if bad
-            else f"equal: {judged} quantities, to within the errors told"
-        )
-        return [
-            *columns(
-                ("quantity", "A", "B", "difference", "allowed", ""),
-                [row.cells for row in self.rows],
-            ),
-            "",
-            verdict,
-        ]
+        heads = "quantity", "A", "B", "difference", "allowed", ""
+        return [*columns(heads, [row.cells for row in self.rows]), "",
+                f"DIFFERENT: {bad} of {judged} quantities" if bad
+                else f"equal: {judged} quantities, to within the errors told"]
 
 
 def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Comparison:
@@ -83,130 +68,73 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Compa
 
     Raises InputError: one of them is none, or a file in it cannot be read
     """
-    paths = Path(one), Path(other)
-    summaries, (here, there) = (
-        [read_summary(path) for path in paths],
-        (read_npz(path) for path in paths),
-    )
-    same = (
-        here.nodes.shape == there.nodes.shape and np.allclose(here.nodes, there.nodes)
-        if here and there
-        else all(summaries[0].get(key) == summaries[1].get(key) for key in ("dofs", "element"))
-    )
-    allowed = max(ROUNDING, sum(_error(summary, same) for summary in summaries))
-    found = [
-        {name: (kind, np.array(values, float)) for name, kind, values in _numbers(summary)}
-        for summary in summaries
-    ]
-    if same and here and there:
-        for run, fields in zip(found, (here, there)):
-            run["displacement field"] = "length", fields.displacement
+    views = [View(read_summary(path)) for path in (one, other)]
+    meshes = [read_npz(path) for path in (one, other)]
+    if all(meshes):
+        here, there = (mesh.nodes for mesh in meshes)
+        same = here.shape == there.shape and np.allclose(here, there)
+    else:
+        same = all(getattr(views[0], key) == getattr(views[1], key) for key in ("dofs", "element"))
+    found = [_numbers(view) for view in views]
+    if same and all(meshes):
+        for numbers, fields in zip(found, meshes):
+            numbers["displacement field"] = "length", fields.displacement
     scales: dict[str, float] = {}
-    for kind, values in (entry for run in found for entry in run.values()):
+    for kind, values in (entry for numbers in found for entry in numbers.values()):
         scales[kind] = max(scales.get(kind, 0.0), float(np.abs(values).max(initial=0.0)))
-    rows = [
-        Row(name, *map(str, pair), float(pair[0] != pair[1]), 0.0)
-        for name in FACTS
-        if (pair := [summary.get(name) for summary in summaries]) != [None, None]
-    ]
-    for name in dict.fromkeys([*found[0], *found[1]]):
-        kind = next(run[name][0] for run in found if name in run)
-        rows.append(
-            _row(
-                name,
-                *(run[name][1] if name in run else None for run in found),
-                scales[kind],
-                allowed,
-            )
-        )
-    return Comparison(rows + _shown(*summaries))
+    pairs = [(name, [getattr(view, name) for view in views]) for name in FACTS]
+    rows = [Row(name, list(map(str, pair)), float(pair[0] != pair[1]), 0.0)
+            for name, pair in pairs if pair != [None, None]]
+    allowed = max(ROUNDING, sum(_error(view, same) for view in views))
+    for name in found[0] | found[1]:
+        both = [numbers.get(name, ("", None)) for numbers in found]
+        kind, values = max(both[0][0], both[1][0]), [entry[1] for entry in both]
+        rows.append(_row(name, *values, scales[kind], allowed))
+    return Comparison(rows + _shown(*views))
 
 
-def _error(summary: Mapping[str, Any], same: bool) -> float:
+def _error(s: View, same: bool) -> float:
     """Return the relative error of a run, with its mesh's unless both have the ``same``."""
-    known = summary.get("error_bound")
-    of_iterations = (
-        known if known is not None else (summary.get("residuals") or {}).get("law_residual")
-    )
-    return (of_iterations or 0.0) + (0.0 if same else summary.get("discretisation_error") or 0.0)
+    known = s.residuals.get("law_residual") if s.error_bound is None else s.error_bound
+    return (known or 0.0) + (0.0 if same else s.discretisation_error or 0.0)
 
 
-def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
-    """Yield name, kind and numbers of what an engineer asks a run for."""
-    for key, kind in (("peak_stress", "stress"), ("peak_displacement", "length")):
-        if (peak := summary.get(key)) and peak.get("value") is not None:
-            yield key.replace("_", " "), kind, peak["value"]
-    if summary.get("energy"):
-        yield "energy", "energy", summary["energy"]
-    for name, values in zip(summary.get("reaction_names") or (), summary.get("reactions") or ()):
-        yield f"reaction {name}", "force", values
-    for bolt in summary.get("bolts") or ():
-        yield f"bolt {bolt['name']}, axial", "force", bolt["force"]
-    for face in summary.get("contact_faces") or ():
+def _numbers(s: View) -> dict[str, tuple[str, np.ndarray]]:
+    """Return name → kind and numbers, nan where they are not known."""
+    found = {name: (kind, values) for _, name, kind, values in quantities(s)
+             if name and values is not None}
+    for face in s.contact_faces:
         if slips := face["slips"]:
-            yield f"slips at load step: {face['name']}", "load step", slips["step"]
+            found[f"slips at load step: {face['name']}"] = "load step", slips["step"]
             if slips["at"] is not None:
-                yield f"slip load of {face['name']}", slips["of"], slips["at"]
-    for limit in summary.get("limit_load") or ():
-        if limit["factor"] is not None:
-            yield f"limit load, share of load step {limit['load_step']}", "share", limit["factor"]
-    for probe in summary.get("probes") or ():
-        for name, values in probe["values"].items():
-            kind = "moment" if name in ("mx", "my", "mz") else KINDS.get(probe.get("of"), name)
-            yield (
-                f"probe {probe['name']} {name}",
-                kind,
-                [np.nan if value is None else value for value in values],
-            )
+                found[f"slip load of {face['name']}"] = slips["of"], slips["at"]
+    found |= {f"limit load, share of load step {limit['load_step']}": ("share", limit["factor"])
+              for limit in s.limit_load if limit["factor"] is not None}
+    return {name: (kind, np.array(values, float)) for name, (kind, values) in found.items()}
 
 
-def _row(
-    name: str, one: np.ndarray | None, other: np.ndarray | None, scale: float, allowed: float
-) -> Row:
+def _row(name: str, one: np.ndarray | None, other: np.ndarray | None, scale: float,
+         allowed: float) -> Row:
     """Return the numbers where they differ too much, or are largest; what one run lacks differs."""
     if one is None or other is None or one.shape != other.shape:
-        told = [
-            "-" if values is None else f"{values.shape or 1} numbers" for values in (one, other)
-        ]
-        return Row(name, *told, np.inf, allowed)
+        told = ["-" if x is None else f"{x.shape or 1} numbers" for x in (one, other)]
+        return Row(name, told, np.inf, allowed)
     unknown = np.isnan(one) & np.isnan(other)
     gap = np.where(unknown, 0.0, np.nan_to_num(np.abs(one - other), nan=np.inf)) / (scale or 1.0)
-    worst = int(np.argmax(gap if gap.max(initial=0.0) > allowed else np.abs(np.nan_to_num(one))))
+    most = float(gap.max(initial=0.0))
+    worst = int(np.argmax(gap if most > allowed else np.abs(np.nan_to_num(one))))
     step, *others = np.unravel_index(worst, one.shape) or (0,)
     name += (f", load step {step + 1}" if one.ndim else "") + (
-        f", {'xyz'[others[-1]]}" if others else ""
-    )
-    return Row(
-        name,
-        f"{one.flat[worst]:.6g}",
-        f"{other.flat[worst]:.6g}",
-        float(gap.max(initial=0.0)),
-        allowed,
-    )
+        f", {'xyz'[others[-1]]}" if others else "")
+    return Row(name, [f"{x.flat[worst]:.6g}" for x in (one, other)], most, allowed)
 
 
-def _shown(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Row]:
+def _shown(*views: View) -> list[Row]:
     """Return rows that are not judged: statuses of nodes flip where nothing else does."""
-    pairs = [
-        (key.replace("_", " "), one.get(key), other.get(key))
-        for key in ("iterations", "error_bound", "discretisation_error")
-    ]
-    counts = [summary.get("status_counts") or {} for summary in (one, other)]
-    pairs += [
-        (
-            f"nodes that are {name}, last load step",
-            *((count.get(name) or [None])[-1] for count in counts),
-        )
-        for name in dict.fromkeys([*counts[0], *counts[1]])
-    ]
-    return [
-        Row(
-            name,
-            *(
-                "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
-                for value in values
-            ),
-        )
-        for name, *values in pairs
-        if values != [None, None]
-    ]
+    pairs = {key.replace("_", " "): [getattr(s, key) for s in views] for key in SHOWN}
+    pairs |= {f"nodes that are {name}, last load step": [
+        s.status_counts.get(name, [None])[-1] for s in views]
+        for name in views[0].status_counts | views[1].status_counts}
+    return [Row(name, ["-" if x is None else f"{x:.3g}" if isinstance(x, float) else str(x)
+                       for x in values])
+            for name, values in pairs.items() if values != [None, None]]

@@ -13,8 +13,7 @@ middle of edges, it is linear.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -124,44 +123,10 @@ class Nodal:
 NAME = "extremes.csv"
 DISPLACEMENT = ("ux", "uy", "uz", "|u|")
 STRESS = ("sxx", "syy", "szz", "sxy", "syz", "sxz", "von_mises", "s1", "s2", "s3")
+QUANTITIES = DISPLACEMENT + STRESS
+ENDS = ("min", "max")
 RESULTANT = ("fx", "fy", "fz", "mx", "my", "mz")
 COLUMNS = ("part", "quantity", "extreme", "value", "x", "y", "z", "load_step")
-
-
-@dataclass(frozen=True)
-class Extremes:
-    """Extremes of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the
-    smallest and the largest.
-
-    parts : names; quantities : names
-    value : (2, p, q), nan where nothing is known or to be believed
-    at : (2, p, q, 3) places in the undeformed body; step : (2, p, q) int, from 1
-    """
-
-    parts: tuple[str, ...]
-    quantities: tuple[str, ...]
-    value: np.ndarray
-    at: np.ndarray
-    step: np.ndarray
-
-    @property
-    def rows(self) -> Iterator[tuple]:
-        """Rows with ``COLUMNS``; what is not known is left out."""
-        for p, part in enumerate(self.parts):
-            for q, quantity in enumerate(self.quantities):
-                for k, extreme in enumerate(("min", "max")):
-                    if np.isfinite(self.value[k, p, q]):
-                        yield (part, quantity, extreme, float(self.value[k, p, q]),
-                               *map(float, self.at[k, p, q]), int(self.step[k, p, q]))
-
-    def largest(self, quantity: str) -> dict[str, object] | None:
-        """The largest of all parts: value, at, part, load_step; None where none is known."""
-        values = self.value[1, :, self.quantities.index(quantity)]
-        if not np.isfinite(values).any():
-            return None
-        p, q = int(np.nanargmax(values)), self.quantities.index(quantity)
-        return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p],
-                "load_step": int(self.step[1, p, q])}
 
 
 def components_of_stress(sigma: np.ndarray) -> np.ndarray:
@@ -174,8 +139,9 @@ def components_of_displacement(u: np.ndarray) -> np.ndarray:
     return np.concatenate([u, np.linalg.norm(u, axis=-1, keepdims=True)], axis=-1)
 
 
-def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
-    """Extremes of a solution, over all load steps.
+def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> list[tuple]:
+    """Return the smallest and the largest of each quantity of each part, over all load steps: rows
+    with ``COLUMNS``. What is not known is left out.
 
     lost : (steps, subdomains) bool, bodies that nothing holds: where they are means nothing; None:
         there are none
@@ -184,8 +150,7 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
     node, cells = nodal.split
     part = np.zeros(len(node), dtype=int)
     part[cells] = 0 if fields.part is None else fields.part[:, None]
-    points = fields.nodes[node]
-    shape = (2, len(names), len(DISPLACEMENT) + len(STRESS))
+    shape = (2, len(names), len(QUANTITIES))
     value, step_of, at = np.full(shape, np.nan), np.zeros(shape, dtype=int), np.zeros((*shape, 3))
     for step in range(fields.steps):
         u = components_of_displacement(fields.displacement[step][node])
@@ -196,24 +161,33 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
         found, which = (np.concatenate(both, axis=2) for both in zip(moved, inside))
         better = np.stack([~(found[0] >= value[0]), ~(found[1] <= value[1])]) & np.isfinite(found)
         value[better], step_of[better] = found[better], step + 1
-        at[better] = points[which[better]]
-    return Extremes(names, DISPLACEMENT + STRESS, value, at, step_of)
+        at[better] = fields.nodes[node][which[better]]
+    return [(names[p], QUANTITIES[q], ENDS[k], float(value[k, p, q]), *at[k, p, q].tolist(),
+             int(step_of[k, p, q]))
+            for p, q, k in np.argwhere(np.isfinite(np.moveaxis(value, 0, -1)))]
+
+
+def largest(rows: Iterable[tuple], quantity: str) -> dict[str, object] | None:
+    """Return the largest of all parts: value, at, part, load_step; None where none is known."""
+    own = [row for row in rows if row[1:3] == (quantity, ENDS[1])]
+    if not own:
+        return None
+    part, _, _, value, *at, step = max(own, key=lambda row: row[3])
+    return {"value": value, "at": at, "part": part, "load_step": step}
 
 
 def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """(2, count, q) smallest and largest of values (K, q) of each part, and where these are, int;
     nan where all are nan.
     """
-    order = np.argsort(part, kind="stable") if count > 1 else np.arange(len(part))
-    bounds = np.searchsorted(part[order], np.arange(count + 1))
-    result, which = np.full((2, count, values.shape[1]),
-                            np.nan), np.zeros((2, count, values.shape[1]), dtype=int)
-    for p, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
-        rows = order[a:b]
-        rows = rows[np.isfinite(values[rows]).all(axis=1)]
+    result = np.full((2, count, values.shape[1]), np.nan)
+    which = np.zeros(result.shape, dtype=int)
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    known = known[np.argsort(part[known], kind="stable")]
+    bounds = np.searchsorted(part[known], np.arange(count + 1))
+    for p, rows in enumerate(np.split(known, bounds[1:-1])):
         if len(rows):
-            own = values[rows]
-            for k, place in enumerate((own.argmin(axis=0), own.argmax(axis=0))):
-                which[k, p] = rows[place]
-                result[k, p] = own[place, np.arange(own.shape[1])]
+            places = np.stack([values[rows].argmin(axis=0), values[rows].argmax(axis=0)])
+            which[:, p] = rows[places]
+            result[:, p] = np.take_along_axis(values, which[:, p], axis=0)
     return result, which

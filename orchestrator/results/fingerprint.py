@@ -41,8 +41,9 @@ def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, s
             continue
         problem[key] = f"content of {os.path.basename(file)}{rest}: {hashed(file)}"
         for other in included(file):
-            problem[
-                f"{key}, with {os.path.relpath(other, os.path.dirname(file))}"] = f"content: {hashed(other)}"
+            problem[f"{key}, with {os.path.relpath(other, os.path.dirname(file))}"] = (
+                f"content: {hashed(other)}"
+            )
     for number, array in enumerate(arrays):
         digest = hashlib.sha256(f"{array.dtype}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)

@@ -19,7 +19,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from orchestrator.errors import InputError, Problem, wrong
-from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, UNFINISHED, Manifest
+from orchestrator.results.manifest import (
+    FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, UNFINISHED, Manifest)
 
 DIRECTORY_KEY = ("output", "directory")
 SHOWN = 5  # names in a message
@@ -167,17 +168,16 @@ class ResultsFolder:
                 self.manifest.settle(pattern)
 
 
-def read_table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
-    """Rows of a table that has these columns; none where there is no such file; raises InputError:
-    it cannot be read, or is not whole.
+def read_table(path: Path, columns: Iterable[str]) -> list[list[str]]:
+    """Rows of a table that has these columns, the head first; none where there is no such file;
+    raises InputError: it cannot be read, or is not whole.
     """
     if not path.is_file():
         return []
     try:
         with open(path, encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        if any(None in row or None in row.values() or not row.keys() >= set(columns)
-               for row in rows):
+            rows = list(csv.reader(file))
+        if not rows or not {*rows[0]} >= {*columns} or {*map(len, rows)} != {len(rows[0])}:
             raise ValueError("columns or ends of rows are missing")
     except (OSError, ValueError, csv.Error) as error:
         raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}",
@@ -243,9 +243,12 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
             with suppress(OSError, ValueError, KeyError, TypeError):
                 other = json.loads((folder / HOLDER).read_bytes())
                 holder = f"process {other['pid']} on {other['host']}, since {other['since']}"
-            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {holder}",
-                        "a folder of its own for every run",
-                        "wait for that run, end it, or choose another folder with --output") from None
+            raise wrong(
+                DIRECTORY_KEY,
+                f"another run writes to {folder.path}: {holder}",
+                "a folder of its own for every run",
+                "wait for that run, end it, or choose another folder with --output",
+            ) from None
     try:
         with suppress(OSError):  # a full disk still locks; nothing is written through a link
             with open(folder / HOLDER, "w",

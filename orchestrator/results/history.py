@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,7 +20,7 @@ _WITHOUT = "if it is damaged, remove it: --resume goes on without its lines"
 
 
 class HistoryWriter(Subscriber):
-    """Appends every iteration to history.csv.
+    """Append every iteration to history.csv.
 
     folder : where
     resume_after : iteration of the checkpoint a run resumes from: lines up to it are kept,
@@ -30,17 +30,16 @@ class HistoryWriter(Subscriber):
 
     def __init__(self, folder: ResultsFolder, resume_after: int | None = None):
         self._folder, self._over = folder, False
-        kept: dict[str, np.ndarray] | None = None
+        self._known: dict[str, list] = {name: [] for name in HISTORY_COLUMNS}
         if resume_after is not None and (folder / NAME).exists():
             history = read_history(folder / NAME)
             keep = history["iteration"] <= resume_after
-            kept = {name: column[keep] for name, column in history.items()}
-        self._kept = kept or {name: np.zeros(0) for name in HISTORY_COLUMNS}
+            self._known = {name: list(column[keep]) for name, column in history.items()}
         self._begin()
 
     def _begin(self) -> None:
-        self._lines, self.whole = _lines(self._kept), True
-        write_history(self._folder, self._kept)
+        self.whole = True
+        write_history(self._folder, self._known)
         with self._folder.guarded(NAME):
             self._folder.manifest.claim(re.escape(NAME))  # it grows
             self._file = open(self._folder / NAME, "ab", buffering=0)
@@ -49,17 +48,16 @@ class HistoryWriter(Subscriber):
         if self._over:
             return
         row = event.row
-        if list(row) != list(self._kept):  # the first one tells which laws there are
+        if list(row) != list(self._known):  # the first one tells which laws there are
             self._file.close()
-            known = self._kept
-            self._kept = {name: known.get(name, np.full(len(known["iteration"]), np.nan))
-                          for name in row}
+            unknown = [np.nan] * len(self._known["iteration"])
+            self._known = {name: self._known.get(name, unknown[:]) for name in row}
             with suppress(InputError):  # full disk, as below
                 self._begin()
-        line = _line(list(row.values()))
-        self._lines.append(line)
+        for name, value in row.items():
+            self._known[name].append(value)
         if self.whole and not self._file.closed:
-            self._append(line)
+            self._append(_line(row.values()))
 
     def _append(self, line: bytes) -> None:
         size = self._file.seek(0, os.SEEK_END)
@@ -71,13 +69,13 @@ class HistoryWriter(Subscriber):
             self.whole = False
 
     def complete(self) -> None:
-        """Writes the whole file again, if lines found no room or somebody has removed it."""
+        """Write the whole file again, if lines found no room or somebody has removed it."""
         if not self.whole or self._file.closed or not (self._folder / NAME).exists():
-            self._folder.write(NAME, b"".join(self._lines))
+            write_history(self._folder, self._known)
             self.whole = True
 
     def close(self) -> None:
-        """Closes the file; later events are ignored."""
+        """Close the file; later events are ignored."""
         self._over = True
         self._file.close()
         with suppress(OSError):  # a full disk: it stays claimed
@@ -91,13 +89,14 @@ def columns(events: Sequence[Iteration]) -> dict[str, np.ndarray]:
             for name in (rows[0] if rows else HISTORY_COLUMNS)}
 
 
-def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path:
-    """Writes a whole history (column name → (iterations,) array; {} for none) atomically."""
-    return folder.write(NAME, b"".join(_lines(history)))
+def write_history(folder: ResultsFolder, history: Mapping[str, Iterable]) -> Path:
+    """Write a whole history (column name → (iterations,) values; {} for none) atomically."""
+    lines = [_line(list(history) or HISTORY_COLUMNS), *map(_line, zip(*history.values()))]
+    return folder.write(NAME, b"".join(lines))
 
 
 def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Reads a history.csv, or the one in a results folder.
+    """Read a history.csv, or the one in a results folder.
 
     Returns column name → (iterations,) array, int for counts and float for the rest. A last line
     cut short by a killed run is left out.
@@ -128,11 +127,7 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
             for name, column in zip(names, table.T)}
 
 
-def _lines(history: dict[str, np.ndarray]) -> list[bytes]:
-    return [_line(list(history) or HISTORY_COLUMNS), *map(_line, zip(*history.values()))]
-
-
-def _line(values: list[object] | tuple[object, ...]) -> bytes:
+def _line(values: Iterable[object]) -> bytes:
     # repr of a Python number is the shortest text that reads back to the same bits
     texts = [v if isinstance(v, str) else repr(getattr(v, "item", lambda v=v: v)()) for v in values]
     return (",".join(texts) + "\n").encode()

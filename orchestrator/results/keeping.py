@@ -89,7 +89,6 @@ class CheckpointWriter(Subscriber):
             self._warn(f"No checkpoint can be written in {self._path} ({error.strerror}): the run "
                        "goes on without; if it is killed, --resume begins where the last "
                        "checkpoint was.")
-        self.keeps = False
 
     def _tried(self, action: Callable[..., None], given: object) -> OSError | None:
         """Return what has kept from doing it; None: it is done."""
@@ -119,8 +118,8 @@ class CheckpointWriter(Subscriber):
                 raise error
 
     def _take(self, size: int) -> None:
+        self._reserve_file.unlink(missing_ok=True)
         try:
-            self._reserve_file.unlink(missing_ok=True)
             with open(self._reserve_file, "wb") as file:
                 os.posix_fallocate(file.fileno(), 0, size)
         except OSError:
@@ -131,7 +130,6 @@ class CheckpointWriter(Subscriber):
         """Write a file; wait for the disk at the end of an increment, and at times."""
         if checkpoint.ended and checkpoint.notes["last"]:
             self._reserve_file.unlink(missing_ok=True)
-        sync = checkpoint.ended or time.monotonic() - self._synced > SYNCED
         about = {name: getattr(checkpoint, name) for name in TOLD}
         about |= {"problem": self._fingerprint, "arrays": sorted(checkpoint.arrays)}
         text = json.dumps(about, default=lambda number: number.item()).encode()
@@ -143,12 +141,12 @@ class CheckpointWriter(Subscriber):
             with open(temporary, "wb") as file:
                 np.savez(file, about=np.frombuffer(text, np.uint8), **checkpoint.arrays)
                 file.flush()
-                if sync:
+                if checkpoint.ended or time.monotonic() - self._synced > SYNCED:
                     os.fsync(file.fileno())
+                    self._synced = time.monotonic()
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
         self._spare.pop(path, None)
         if not checkpoint.ended:
             self._spare[path] = checkpoint.iteration
-        self._synced = time.monotonic() if sync else self._synced

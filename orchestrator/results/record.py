@@ -60,7 +60,8 @@ class Record(Subscriber):
             folder.clear()
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
-        self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
+        self.scene, self.watch, self._config, self._folder, self._key = (
+            scene, watch, config, folder, key)
         self._last: Iteration | None = None
         self._artist = artist
         self._checkpoint = CheckpointWriter(folder, key, self.start)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,18 +20,20 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
-from orchestrator.results.answers import INTERFACES, Answers, of_unheld
-from orchestrator.results.extremes import NAME as EXTREMES
+from orchestrator.method.delivery.balance import Resultants
+from orchestrator.method.delivery.met import Met
+from orchestrator.results.answers import Table, read_tables, tables_of
+from orchestrator.results.extremes import extremes, largest
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
-from orchestrator.results.probes import NAME as PROBES, PATHS, along
-from orchestrator.results.summary.summary import read_summary, write_summary
+from orchestrator.results.probes import at_points, read_paths, read_probes
+from orchestrator.results.summary.summary import known, read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.conditions.finder import Finder
-from orchestrator.scene.conditions.probes import ProbeLine
+from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene
 from orchestrator.scene.names import matching
@@ -41,8 +43,9 @@ from orchestrator.scene.names import matching
 class Solution:
     """Solution of a run; T load steps, n nodes.
 
-    summary : the content of summary.json
+    summary : the content of summary.json, in the types of JSON
     history : column of history.csv → (iterations,) array
+    tables : file → rows of texts, the head first: extremes, what interfaces carry, probes, paths
     fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz;
         None if none were asked for, where they were read
     directory : the folder that it was read from
@@ -52,7 +55,8 @@ class Solution:
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are
         averaged
     reference : the undecomposed solution, if asked for
-    answers : extremes, probes, and what interfaces carry
+    met : the interfaces that are not perfect; None where all are
+    resultants : forces and moments of all interfaces
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is
         not ours; None elsewhere
     config : what was asked for
@@ -83,53 +87,61 @@ class Solution:
     summary: dict[str, object]
     history: dict[str, np.ndarray]
     fields: Fields | None = None
+    tables: dict[str, Table] = field(default_factory=dict)
     directory: Path | None = None
     scene: Scene | None = None
     iterated: Iterated | None = None
     parts: list[np.ndarray] | None = None
     reference: Reference | None = None
-    answers: Answers | None = None
+    met: Met | None = None
+    resultants: Resultants | None = None
     joints: list[np.ndarray | None] | None = None
     config: Config | None = None
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields,
-           summary: dict[str, object],
-           reference: Reference | None) -> Solution:
+           summary: dict[str, object], reference: Reference | None) -> Solution:
         """Solution of a run that has just been finished; its answers are entered in the summary,
         nothing is written.
         """
-        answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
-        summary |= answers.summary(config, delivered)
-        summary["warnings"] = [*(summary.get("warnings") or ()),
-                               *of_unheld(scene, summary.get("detached") or ())]
-        return cls(summary, columns(delivered.iterated.history), fields, None, scene,
-                   delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints, config)
+        nodal, detached, lost = fields.nodal, summary.get("detached") or (), None
+        if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
+            bodies = [s.body for s in scene.subdomains]
+            lost = np.array([scene.stand_ins | np.isin(bodies, names) for names in detached
+                             or [[]] * scene.steps])
+        extreme = extremes(nodal, lost)
+        probes = read_probes(scene.probes, nodal, delivered.carried)
+        paths = read_paths(scene.probes, nodal)
+        summary = known(summary | {"peak_stress": largest(extreme, "von_mises"),
+                                   "peak_displacement": largest(extreme, "|u|"),
+                                   "probes": probes, "paths": paths})
+        return cls(summary, columns(delivered.iterated.history), fields,
+                   tables_of(scene, delivered.resultants, delivered.met, extreme, probes, paths),
+                   None, scene, delivered.iterated, delivered.parts, reference, delivered.met,
+                   delivered.resultants, delivered.joints, config)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:
-        """Reads a results folder.
+        """Read a results folder.
 
         Raises InputError: missing folder, or not one that a run has written
         """
         # first: its message says best what is wrong with a foreign folder
-        summary = read_summary(directory)
-        return cls(summary, read_history(directory), read_npz(directory), Path(directory))
+        summary, path = read_summary(directory), Path(directory)
+        return cls(summary, read_history(path), read_npz(path), read_tables(path), path)
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary,
-        history, fields, tables. ``read`` gives the
-        same back. What an earlier run has left there goes, as with ``run``; programs that are parts
-        are not told of their results.
+        """Write what ``orchestrator run`` leaves in its folder, figures excepted: summary,
+        history, fields, tables. ``read`` gives the same back. What an earlier run has left there
+        goes, as with ``run``; programs that are parts are not told of their results.
 
         Returns the folder
         Raises InputError: it cannot be written to, or files that are not this program's are in the
         way
         """
         folder = ResultsFolder(directory)
-        if self.directory is None or not self.directory.exists() or not self.directory.samefile(
-            folder.path):
+        own = self.directory
+        if own is None or not own.exists() or not own.samefile(folder.path):
             folder.clear()
         write_history(folder, self.history)
         self.write_results(folder)
@@ -144,12 +156,8 @@ class Solution:
             beside = fields_of_parts(self.config.codes, self.scene, self.parts,
                                      self.joints) if foreign else []
             write_fields(folder, self.fields, beside)
-        if self.answers is not None:
-            self.answers.write(folder)
-        elif self.directory is not None:  # they have been read with it
-            for name in (EXTREMES, INTERFACES, PROBES, PATHS):
-                if (self.directory / name).is_file():
-                    folder.write(name, (self.directory / name).read_bytes())
+        for name, rows in self.tables.items():
+            folder.write_table(name, rows)
 
     @property
     def converged(self) -> bool:
@@ -222,14 +230,13 @@ class Solution:
         volume = np.zeros(len(fields.cells), int) if fields.part is None else fields.part
         mesh = Mesh(fields.nodes, fields.cells, volume, [*fields.parts, ""])
         allowed = np.isin(mesh.volumes, matching(part, mesh.volumes))[volume]
-        finder, cells, weights = Finder(mesh, None, fields.subdomain, (), (), Problems()), [], []
-        for tets in (finder.around(point, allowed) for point in at):
-            cells.append(next(iter(tets.number), -1))
-            weights.append(next(iter(tets.weights), np.zeros(4)))
-        u, sigma = (along(ProbeLine("", quantity, at, at, np.array(cells), np.array(weights), at),
-                          fields.nodal)[1]
+        finder = Finder(mesh, None, fields.subdomain, (), (), Problems())
+        within = [finder.around(point, allowed) for point in at]
+        cells = np.array([next(iter(tets.number), -1) for tets in within])
+        weights = np.array([next(iter(tets.weights), np.zeros(4)) for tets in within])
+        u, sigma = (at_points(quantity, cells, weights, fields.nodal)
                     for quantity in ("displacement", "stress"))
-        return {"displacement": u[..., :3], "stress": sigma[..., :6], "von_mises": sigma[..., 6]}
+        return {"displacement": u, "stress": sigma, "von_mises": von_mises(sigma)}
 
     @property
     def sides(self) -> list[np.ndarray] | None:
@@ -252,7 +259,9 @@ class Solution:
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"stopped ({self.summary.get('stop_reason')})"
         bound = "" if math.isnan(self.error_bound) else f", error bound {self.error_bound:.1e}"
-        return f"Solution({self.summary.get('name')}: {state} after {self.iterations} iterations{bound})"
+        return (
+            f"Solution({self.summary.get('name')}: {state} after {self.iterations} "
+            f"iterations{bound})")
 
 
 def unsound(scene: Scene, ranks: Sequence[Spent]) -> list[int]:

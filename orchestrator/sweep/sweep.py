@@ -24,7 +24,7 @@ from orchestrator.optional import absent
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
-from orchestrator.results.summary.summary import numbers_of, read_summary, units_of
+from orchestrator.results.summary.summary import numbers_of, read_summary, View
 from orchestrator.results.record import GO_ON
 from orchestrator.run import Means, Ranks
 from orchestrator.scene.body import Meshed
@@ -133,9 +133,10 @@ class Sweep:
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(GO_ON) from error
         if outcome.exit_code in (CONVERGED, NOT_CONVERGED) and (summary := _summary(path)):
-            outcome.numbers, self.units = numbers_of(summary), units_of(summary)
+            view = View(summary)
+            outcome.numbers, self.units = numbers_of(view), view.unit
             if outcome.exit_code:
-                outcome.why = outcome.why or str(summary["stop_reason"])
+                outcome.why = outcome.why or str(view.stop_reason)
 
     def _fingerprint(self, config: Config) -> str:
         """Fingerprint of all that decides the results: values, contents of files, the mesh."""

@@ -134,7 +134,7 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
     """The figure as PNG; None where fewer than two variants have numbers, or no number varies.
 
     found : values and numbers of each variant
-    units : as ``units_of`` gives them
+    units : as ``View.unit``
     """
     found = [(values, numbers) for values, numbers in found if numbers]
     if len(found) < 2 or not (names := _chosen([numbers for _, numbers in found])):

@@ -108,34 +108,9 @@ class Fields:
         vars(result).update({name: vars(self)[name] for name in found if name in vars(self)})
         return result
 
-    @property
-    def apart(self) -> Fields:
-        """The same where every stress at the nodes has nodes of its own; these fields themselves
-        where each node has one.
-        """
-        node, cells = self.nodal.split
-        drawn = self.opened
-        if np.array_equal(node, np.arange(len(drawn.nodes))):
-            return drawn
-        return replace(drawn, nodes=drawn.nodes[node], cells=cells,
-                       displacement=drawn.displacement[:, node], joined=None)
-
     def __getstate__(self) -> dict[str, object]:
         """Return what others cannot compute themselves."""
         return {field.name: getattr(self, field.name) for field in dataclass_fields(self)}
-
-    def some(self, chosen: np.ndarray) -> Fields:
-        """The same of some of the cells (k,) int, with their own nodes; without interfaces."""
-        nodes, cells = np.unique(self.cells[chosen], return_inverse=True)
-        error, part, believed = self.discretisation_error, self.part, self.believed
-        return Fields(self.nodes[nodes], cells.reshape(len(chosen), self.cells.shape[1]),
-                      self.subdomain[chosen], self.lame[chosen],
-                      self.displacement[:, nodes],
-                      discretisation_error=None if error is None else error[:, chosen],
-                      part=None if part is None else part[chosen], parts=self.parts,
-                      joined=None if self.joined is None else self.joined[nodes],
-                      believed=None if believed is None else believed[chosen],
-                      thermal=None if self.thermal is None else self.thermal[:, chosen])
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""

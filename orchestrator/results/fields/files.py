@@ -12,7 +12,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from html import escape
-from itertools import count
 
 import numpy as np
 
@@ -20,8 +19,7 @@ from orchestrator.blackbox.codes.parts import OwnFields
 from orchestrator.method.delivery.interface_fields import SHIFTS
 from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.extremes import Nodal
-from orchestrator.results.fields.npz import NAME, arrays, write_npz
+from orchestrator.results.fields.npz import NAME, write_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.elasticity import principal, von_mises
 
@@ -30,21 +28,27 @@ STEP, INTERFACE = "step", "interface"  # what names of files begin with
 
 
 def write_fields(folder: ResultsFolder, fields: Fields, beside: Sequence[OwnFields] = ()) -> None:
-    """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
+    """Write fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
     """
-    hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
     with folder.replacing(NAME) as temporary:
-        write_npz(temporary, arrays(fields))
+        write_npz(temporary, fields)
     folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
-    names = [f"{STEP}_{step + 1:04d}.vtu" for step in range(fields.steps)]
-    _write_steps(folder, names, fields, hidden)
-    write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
+    # of what stands for these parts nothing is shown
+    hidden = [k for k, name in enumerate(fields.parts) if name in {part.name for part in beside}]
+    shown = np.flatnonzero(~np.isin(fields.part, hidden)) if hidden else slice(None)
+    _write_steps(folder, _names(STEP, fields.steps), fields, shown)
+    write_pvd(folder, PVD, _names(STEP, fields.steps),
+              [_write_beside(folder, part) for part in beside])
     if fields.interfaces is not None:
-        names = [f"{INTERFACE}_{step + 1:04d}.vtu" for step in range(fields.steps)]
+        names = _names(INTERFACE, fields.steps)
         _write_interfaces(folder, names, fields)
         write_pvd(folder, INTERFACES_PVD, names)
+
+
+def _names(what: str, steps: int) -> list[str]:
+    return [f"{what}_{step:04d}.vtu" for step in range(1, steps + 1)]
 
 
 def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
@@ -52,54 +56,40 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
     import meshio  # not before there is something to write
 
     plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in part.name)
-    names = [f"{plain}_{step + 1:04d}.vtu" for step in range(len(part.displacement))]
+    names = _names(plain, len(part.displacement))
     for name, u, force in zip(names, part.displacement, part.force):
+        grid = meshio.Mesh(part.points, part.blocks,
+                           point_data={"displacement": u, "joint_force": force})
         with folder.replacing(f"fields/{name}") as temporary:
-            meshio.vtu.write(temporary,
-                             meshio.Mesh(part.points, part.blocks,
-                                         point_data={"displacement": u, "joint_force": force}),
-                             binary=True, compression=None)
+            meshio.vtu.write(temporary, grid, binary=True, compression=None)
     return names
 
 
 def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
-                 hidden: set[str]) -> None:
-    """Write a grid of every load step, without parts of these names."""
-    nodal, some, at, shown = fields.nodal, fields.apart, slice(None), slice(None)
-    if hidden:
-        shown = np.flatnonzero(~np.isin(fields.part,
-                                        [i for i, name in enumerate(fields.parts)
-                                         if name in hidden]))
-        some, at = some.some(shown), np.unique(some.cells[shown])
-    for step, name in enumerate(names):
-        data = _data(nodal, some, step, at, shown)
-        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data,
-                  names=_numbered("part", fields.parts))
-
-
-def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
-          shown: np.ndarray | slice) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return what a step's file says of the nodes and cells drawn: places ``at`` of those that have
-    a
-    stress, cells ``shown`` of all.
+                 shown: np.ndarray | slice) -> None:
+    """Write a grid of every load step, of the cells ``shown``: every stress at the nodes has nodes
+    of its own.
     """
-    sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
-    cells = {"stress": sigma, "von_mises": von_mises(sigma),
-             "subdomain": drawn.subdomain.astype(np.int32)}
-    if drawn.part is not None:
-        cells["part"] = drawn.part.astype(np.int32)
-    if drawn.cells.shape[1] == 10:
-        cells["von_mises_max"] = nodal.fields.nodal_von_mises(step)[shown].max(axis=1)
-    if drawn.discretisation_error is not None:
-        cells["discretisation_error"] = drawn.discretisation_error[step]
-    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at],
-            "nodal_von_mises": von_mises(stress[at]),
-            "principal_stress": principal(stress[at])}, cells
-
-
-def _numbered(what: str, names: Sequence[str]) -> dict[str, int]:
-    """Number of each name in the cells' array ``what``, under a name that says what it is of."""
-    return {f"{what} {name}": number for number, name in enumerate(names) if name}
+    nodal, opened = fields.nodal, fields.opened
+    node, cells = nodal.split
+    at, corners = np.arange(len(node)), cells[shown]
+    if not isinstance(shown, slice):
+        at, corners = np.unique(corners, return_inverse=True)
+        corners = corners.reshape(-1, cells.shape[1])
+    for step, name in enumerate(names):
+        stress, sigma = nodal.everywhere(nodal.stress(step))[at], opened.stress(step)[shown]
+        inside = {"stress": sigma, "von_mises": von_mises(sigma),
+                  "subdomain": fields.subdomain[shown].astype(np.int32)}
+        if fields.part is not None:
+            inside["part"] = fields.part[shown].astype(np.int32)
+        if cells.shape[1] == 10:
+            inside["von_mises_max"] = opened.nodal_von_mises(step)[shown].max(axis=1)
+        if fields.discretisation_error is not None:
+            inside["discretisation_error"] = fields.discretisation_error[step][shown]
+        write_vtu(folder, f"fields/{name}", opened.nodes[node[at]], corners,
+                  {"displacement": opened.displacement[step][node[at]], "nodal_stress": stress,
+                   "nodal_von_mises": von_mises(stress), "principal_stress": principal(stress)},
+                  inside, {f"part {name}": k for k, name in enumerate(fields.parts) if name})
 
 
 def _write_interfaces(folder: ResultsFolder, names: Sequence[str], fields: Fields) -> None:
@@ -108,20 +98,19 @@ def _write_interfaces(folder: ResultsFolder, names: Sequence[str], fields: Field
 
     names : of files, one for each load step
     """
-    i, displacement = fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)]
+    i, sides = fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)]
     shifts = {name: x for name in SHIFTS if (x := getattr(i, name)) is not None}
     pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)],
                       dtype=bool)[i.interface_of_node]
+    told = {"displacement_1": sides[0], "displacement_2": sides[1], "gap": i.gap, "slip": i.slip,
+            "pressure": np.where(pulled, 0.0, i.pressure)}
+    if pulled.any():
+        told["tension"] = np.where(pulled, -i.pressure, 0.0)
+    told |= {"friction_traction": i.friction_traction, "status": i.status.astype(np.int32),
+             **shifts, **i.own}
     for step, name in enumerate(names):
-        pressure = i.pressure[step]
-        tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
         write_vtu(folder, f"fields/{name}", fields.nodes[i.nodes], i.triangles,
-                  {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
-                   "gap": i.gap[step], "slip": i.slip[step],
-                   "pressure": np.where(pulled, 0.0, pressure), **tension,
-                   "friction_traction": i.friction_traction[step],
-                   "status": i.status[step].astype(np.int32),
-                   **{name: x[step] for name, x in (shifts | i.own).items()}},
+                  {what: x[step] for what, x in told.items()},
                   {"interface": i.owner.astype(np.int32)},
                   {f"interface {name}": number for number, name in enumerate(i.names)})
 
@@ -134,7 +123,7 @@ _COUNT = np.dtype(np.uint64)  # of an array's bytes, ahead of them
 def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.ndarray,
               point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray],
               names: Mapping[str, int] | None = None) -> None:
-    """Writes one grid.
+    """Write one grid.
 
     name : of the file in the folder
     points : (n, 3) float
@@ -144,36 +133,29 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
         are what other readers stumble on)
     """
     m, width = cells.shape
-    triangles = {"connectivity": cells.astype(np.int64, copy=False).ravel(),
-                 "offsets": np.arange(width, width * m + 1, width),
-                 "types": np.full(m, _TYPES[width], np.uint8)}
-    sets = [{"Points": points.astype(float, copy=False)}, triangles, point_data, cell_data]
-    every = [np.ascontiguousarray(values) for each in sets for values in each.values()]
-    order = _in_order([_COUNT.itemsize + values.nbytes for values in every])
-    offsets = dict(
-        zip(order, np.cumsum([0, *(_COUNT.itemsize + every[k].nbytes for k in order)]).tolist()))
-    number = count()
-
-    def array(name: str, values: np.ndarray) -> str:
-        return f'        <DataArray {_kind(name, values)} format="appended" offset="{offsets[next(number)]}"/>'
-
-    listed = [
-        f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" '
-        f'format="ascii">{number}</DataArray>'
-              for name, number in (names or {}).items()]
-    of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()]
-                                                for each in sets)
+    sets = {"Points": {"Points": points.astype(float, copy=False)},
+            "Cells": {"connectivity": cells.astype(np.int64, copy=False).ravel(),
+                      "offsets": np.arange(width, width * m + 1, width),
+                      "types": np.full(m, _TYPES[width], np.uint8)},
+            "PointData": point_data, "CellData": cell_data}
+    every = [np.ascontiguousarray(values) for each in sets.values() for values in each.values()]
+    sizes = [_COUNT.itemsize + values.nbytes for values in every]
+    order = _in_order(sizes)
+    offsets = iter(np.cumsum([0, *(sizes[k] for k in order)])[np.argsort(order)].tolist())
     rows = ['<?xml version="1.0"?>',
             f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" '
-            'header_type="UInt64">',
-            "  <UnstructuredGrid>",
-            *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []),
-            f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
-            "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells,
-            "      </Cells>",
-            "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells,
-            "      </CellData>",
-            "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
+            'header_type="UInt64">', "  <UnstructuredGrid>"]
+    if names:
+        rows += ["    <FieldData>", *(
+            f'      <DataArray type="Int32" Name="{escape(text)}" NumberOfTuples="1" '
+            f'format="ascii">{number}</DataArray>' for text, number in names.items()),
+            "    </FieldData>"]
+    rows.append(f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">')
+    for what, each in sets.items():
+        rows += [f"      <{what}>", *(
+            f'        <DataArray {_kind(text, x)} format="appended" offset="{next(offsets)}"/>'
+            for text, x in each.items()), f"      </{what}>"]
+    rows += ["    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
     with folder.replacing(name) as temporary, open(temporary, "wb") as file:
         file.write("\n".join(rows).encode())
         for values in (every[k] for k in order):
@@ -207,13 +189,12 @@ def _kind(name: str, values: np.ndarray) -> str:
 
 def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str],
               parts: Sequence[Sequence[str]] = ()) -> None:
-    """Writes a ParaView collection of one file per load step beside it, time = step from 1.
+    """Write a ParaView collection of one file per load step beside it, time = step from 1.
 
     parts : of further parts, one file per load step each
     """
     rows = [f'    <DataSet timestep="{step}" group="" part="{part}" file="{file}"/>'
             for part, files in enumerate([steps, *parts]) for step, file in enumerate(files, 1)]
-    folder.write(name,
-                 "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">',
-                            "  <Collection>",
-                            *rows, "  </Collection>", "</VTKFile>", ""]))
+    folder.write(name, "\n".join([
+        '<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>",
+        *rows, "  </Collection>", "</VTKFile>", ""]))

@@ -12,7 +12,9 @@ from orchestrator.errors import InputError
 from orchestrator.optional import absent, command, DRAWING
 
 PATIENCE = 300.0  # seconds after which the process is given up
-UNDRAWN = "The results are complete but for figures: orchestrator report draws them in the results folder."
+UNDRAWN = (
+    "The results are complete but for figures: orchestrator report draws them in the results "
+    "folder.")
 
 
 class CannotDraw(Exception):

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.results.figures.plotting import (
     BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, tidy)
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, code_label, stage_seconds
+from orchestrator.results.summary.summary import BLACKBOX_STAGES, View
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,26 +26,20 @@ _CURVES = [("error_bound", "error bound", "black", "o"),
            ("indicator", "indicator η, a squared ratio", ORANGE, "D")]
 
 
-def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> Figure:
-    """The history's relative quantities over the iterations, with the tolerance."""
+def convergence(s: View, history: Mapping[str, np.ndarray]) -> Figure:
+    """Return the history's relative quantities over the iterations, with the tolerance."""
     laws = np.isfinite(history.get("law_residual", np.nan)).any()
-    figure = new_figure(7.2, 4.6)
+    figure, x = new_figure(7.2, 4.6), np.asarray(history["iteration"])
     axes = figure.add_axes((0.1, 0.12, 0.86, 0.78))
-    x = np.asarray(history["iteration"])
-    every = max(1, len(x) // 12)
     for column, label, colour, marker in _CURVES:
         y = np.array(history.get(column, np.full(len(x), np.nan)), float)
-        known = np.isfinite(y) & (y > _FLOOR)
-        if laws and column == "displacement_jump":  # interfaces that open are meant to jump
-            continue
-        if known.any():
-            main = column in _MAIN
+        known, main = np.isfinite(y) & (y > _FLOOR), column in _MAIN
+        # interfaces that open are meant to jump
+        if known.any() and not (laws and column == "displacement_jump"):
             axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker,
-                          markevery=every,
-                          markersize=5 if main else 4, linewidth=1.8 if main else 1.1,
-                          zorder=4 if main else 3)
-    target = tolerance(summary)
-    if target is not None:
+                          markevery=max(1, len(x) // 12), markersize=5 if main else 4,
+                          linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
+    if (target := tolerance(s)) is not None:
         name, value = target
         axes.axhline(value, color=GREY, linestyle="--", linewidth=1)
         axes.annotate(f"tolerance on the {name}: {value:g}", (0, value),
@@ -55,9 +49,8 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity",
              yscale="log")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged")
-                                                else "not converged")
-    axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
+    axes.set_title(f"{s.name or ''}: {'' if s.converged else 'not '}converged after {int(x[-1])} "
+                   "iterations", fontsize=11)
     tidy(axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", loc="best")
@@ -67,53 +60,49 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     return figure
 
 
-def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
-    """Name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in the
-    summary.
+def tolerance(s: View) -> tuple[str, float] | None:
+    """Return name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in
+    the summary.
     """
-    config = summary.get("config") or {}
-    method = config.get("method") if isinstance(config, Mapping) else None
-    given = (method or {}).get("tolerance")
+    given = (s.config.get("method") or {}).get("tolerance")
     for key, value in (given.items() if isinstance(given, Mapping) else ()):
         if value:
-            known = summary.get("status_counts") is None or summary.get("error_kind")
-            names = {"error": "error bound" if known else "law residual", "law": "law residual",
-                     "indicator": "indicator η"}
-            value = summary.get("tolerance") if value == "auto" else value
-            return None if value is None else (names.get(key, key), float(value))
+            told = "law residual" if s.status_counts and not s.error_kind else "error bound"
+            value = s.tolerance if value == "auto" else value
+            name = {"error": told, "law": "law residual", "indicator": "indicator η"}.get(key, key)
+            return None if value is None else (name, float(value))
     return None
 
 
-def time_per_stage(summary: Mapping[str, object]) -> Figure:
-    """Bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
-    timing = summary["timing"]
-    entries = summary.get("codes") or [{"code": "the black box",
-                                        "seconds": timing.get("blackbox") or {}}]
-    total, wall = float(timing["total"]), stage_seconds(timing)
+def time_per_stage(s: View) -> Figure:
+    """Return bars: wall-clock seconds of each stage, and the black box's own seconds by kind of
+    work.
+    """
+    total, wall = float(s.timing["total"]), s.stages
     sections = [(f"wall clock: {total:.2f} s", wall if wall[-1][1] > 0.005 * total else wall[:-1],
                  BLUE)]
-    for entry in entries:
+    for entry in s.codes or [{"code": "the black box", "seconds": s.blackbox}]:
         own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
         if spent := sum(seconds for _, seconds in own):
-            name = code_label(entry) if len(entries) > 1 else entry["code"]
+            name = entry["code"] + (f" ({entry['transport']})" if len(s.codes) > 1 else "")
             sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers",
                              own, ORANGE))
 
     height = 0.27 * sum(len(bars) + 1 for _, bars, _ in sections) + 0.9
     figure = new_figure(7.2, height)
     axes = figure.add_axes((0.26, 0.5 / height, 0.70, 1 - 0.95 / height))
-    longest = max(seconds for _, bars, _ in sections for _, seconds in bars)
-    y, ticks, labels = 0.0, [], []
+    y, ticks, longest = 0.0, {}, 0.0
     for heading, bars, colour in sections:
         axes.text(0, y, heading, fontsize=9, fontweight="bold", va="center")
+        labels, seconds = zip(*bars)
         places = y + 1.0 + np.arange(len(bars))
-        drawn = axes.barh(places, [seconds for _, seconds in bars], height=0.72, color=colour)
+        drawn = axes.barh(places, seconds, height=0.72, color=colour)
         axes.bar_label(drawn, fmt="%.2f", padding=3, fontsize=8, color=GREY)
-        ticks, labels, y = [*ticks, *places], [*labels,
-                                               *(label for label, _ in bars)], y + len(bars) + 1.2
-    axes.set_yticks(ticks, labels, fontsize=8.5)
+        ticks |= dict(zip(places, labels))
+        y, longest = y + len(bars) + 1.2, max(longest, *seconds)
+    axes.set_yticks(list(ticks), list(ticks.values()), fontsize=8.5)
     axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
-    axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
+    axes.set_title(f"{s.name or ''}: time per stage", fontsize=11)
     tidy(axes)
     axes.grid(False, axis="y")
     return figure

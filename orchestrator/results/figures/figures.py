@@ -12,39 +12,30 @@ from orchestrator.results.figures.charts import convergence, time_per_stage
 from orchestrator.results.figures.pictures import compose, deformed, interfaces
 from orchestrator.results.figures.plotting import png
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.summary.summary import View
 
 
-def write_figures(
-    folder: ResultsFolder,
-    summary: Mapping[str, object],
-    history: Mapping[str, np.ndarray],
-    fields: Fields | None = None,
-) -> list[Path]:
+def write_figures(folder: ResultsFolder, summary: Mapping[str, object],
+                  history: Mapping[str, np.ndarray], fields: Fields | None = None) -> list[Path]:
     """Draw a run, as far as it is known; the structure in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
     fields : of the structure; None: charts alone
     Returns paths of the figures written
     """
-    made = {
-        "convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
-        "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None,
-    }
+    s = View(summary)
+    made = {"convergence": convergence(s, history) if len(history.get("iteration", ())) else None,
+            "time": time_per_stage(s) if s.timing.get("total") else None}
     if fields is not None and fields.steps and len(fields.cells):
-        shown = {"deformed": deformed(fields, summary), "interfaces": interfaces(fields, summary)}
-        made |= {
-            name: picture and compose(picture, str(summary.get("name") or ""))
-            for name, picture in shown.items()
-        }
-    return [
-        folder.write(f"figures/{name}.png", png(figure))
-        for name, figure in made.items()
-        if figure is not None
-    ]
+        for draw in (deformed, interfaces):
+            picture = draw(fields, s)
+            made[draw.__name__] = picture and compose(picture, str(s.name or ""))
+    return [folder.write(f"figures/{name}.png", png(figure))
+            for name, figure in made.items() if figure is not None]
 
 
 def warm_up() -> None:
     """Load what the first figure waits for: fonts, VTK's filters and shaders."""
     corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]])
     still = Fields(corners[0], np.arange(4)[None], np.zeros(1, int), np.ones((1, 2)), 0 * corners)
-    png(compose(deformed(still, {}), "1"))
+    png(compose(deformed(still, View({})), "1"))

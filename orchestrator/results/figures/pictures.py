@@ -8,17 +8,17 @@ instead of an error: only a process apart from the run may draw here (see ``arti
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import (
     DPI, exaggeration, largest_displacement, new_figure, RED, short)
-from orchestrator.results.summary.summary import units_of
+from orchestrator.results.summary.summary import View
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
@@ -58,43 +58,39 @@ class Picture:
     beyond: bool = False
 
 
-def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
+def deformed(fields: Fields, s: View) -> Picture | None:
     """Return the deformed surface, coloured by von Mises stress; None where no part has a mesh of
     ours.
-
 
     Where no stress is known, colours are the size of the displacement.
     """
     from matplotlib import colormaps
 
-    palette = colormaps["viridis"].with_extremes(over=RED)
     kept = np.flatnonzero(fields.lame[:, 1] > 0)
     if not len(kept):
         return None
-    steps, units, surface = shown_steps(fields,
-                                        summary), units_of(summary), outer_surface(fields, kept)
+    steps, surface = shown_steps(fields, s), outer_surface(fields, kept)
     factor, most = exaggeration(fields, kept, steps), largest_displacement(fields, kept, steps)
     stress = [fields.nodal.von_mises(step) for step in steps]
     known = bool(np.isfinite(stress).any())
-    peak = float(np.nanmax(stress)) if known else most
-    node, place = fields.nodal.split[0], surface["place"]
-    moved = []
+    peak, name, unit = (float(np.nanmax(stress)), "von Mises stress", s.unit["stress"]) if known \
+        else (most, "displacement", s.unit["length"])
+    moved, place = [], surface["place"]
     for step, values in zip(steps, stress):
-        u = fields.opened.displacement[step][node[place]]
+        u = fields.opened.displacement[step][fields.nodal.split[0][place]]
         moved.append(surface.copy())
         moved[-1].points = surface.points + factor * u
         moved[-1]["colour"] = values[place] if known else np.linalg.norm(u, axis=1)
-    name, unit = ("von Mises stress",
-                  units["stress"]) if known else ("displacement", units["length"])
-    told = [f"displacements × {factor:g}", f"largest displacement {short(most)}{units['length']}",
-            f"peak {name} {short(peak)}{unit}", *["grey: stress not known"]
-            * bool(known and np.isnan(stress).any())]
+    told = [f"displacements × {factor:g}",
+            f"largest displacement {short(most)}{s.unit['length']}",
+            f"peak {name} {short(peak)}{unit}",
+            *["grey: stress not known"] * bool(known and np.isnan(stress).any())]
     return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps),
-                   (0.0, peak or 1.0), palette,
+                   (0.0, peak or 1.0), colormaps["viridis"].with_extremes(over=RED),
                    name + (unit and "," + unit), told)
 
 
-def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
+def interfaces(fields: Fields, s: View) -> Picture | None:
     """Return the interfaces' faces, without the bodies, coloured by status; None where all
     interfaces are perfect.
 
@@ -107,32 +103,29 @@ def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
     i = fields.interfaces
     if i is None or not len(i.triangles):
         return None
-    steps = shown_steps(fields, summary)
+    steps = shown_steps(fields, s)
     shown = np.flatnonzero(np.isin(i.kinds, i.status[steps]))
     corners = shares(fields.nodes[i.nodes][i.triangles]).reshape(-1, 3)
     faces = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
-    drawn = []
-    for step in steps:
-        drawn.append(faces.copy())
+    drawn = [faces.copy() for _ in steps]
+    for step, one in zip(steps, drawn):
         kind = np.searchsorted(i.kinds[shown], i.status[step])
-        drawn[-1].cell_data["colour"] = np.repeat(kind[i.triangles].ravel(), 2).astype(float)
+        one.cell_data["colour"] = np.repeat(kind[i.triangles].ravel(), 2).astype(float)
     lines = edges(outer_surface(fields, np.arange(len(fields.cells))))
-    told = [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed"]
     return Picture(drawn, [lines] * len(steps), headings(fields, steps), (-0.5, len(shown) - 0.5),
-                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told,
+                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces",
+                   [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed"],
                    i.kind_names[shown].tolist())
 
 
-def shown_steps(fields: Fields, summary: Mapping[str, Any]) -> list[int]:
+def shown_steps(fields: Fields, s: View) -> list[int]:
     """Return the load step of the peak stress, and where interfaces may open the first, the middle
     and the last one too.
     """
-    peak = summary.get("peak_stress") or {}
-    largest = peak["load_step"] - 1 if "load_step" in peak else int(
-        np.abs(fields.displacement).max(axis=(1, 2)).argmax())
-    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(
-        int).tolist()
-    return sorted({largest, *others})
+    most = s.peak_stress.get("load_step") or 1 + np.abs(fields.displacement).max(
+        axis=(1, 2)).argmax()
+    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(int)
+    return sorted({int(most) - 1, *map(int, others)})
 
 
 def headings(fields: Fields, steps: Sequence[int]) -> list[str]:
@@ -154,9 +147,8 @@ def outer_surface(fields: Fields, kept: np.ndarray) -> PolyData:
         kept]
     outer = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1,
                                  pass_pointid=False, pass_cellid=False)
-    key = np.asarray(outer["place"],
-                     np.int64)[outer.regular_faces] + len(node) * np.asarray(
-                         outer["subdomain"], np.int64)[:, None]
+    place = np.asarray(outer["place"], np.int64)[outer.regular_faces]
+    key = place + len(node) * np.asarray(outer["subdomain"], np.int64)[:, None]
     own, corners = np.unique(key, return_inverse=True)
     surface = pyvista.PolyData.from_regular_faces(grid.points[own % len(node)],
                                                   corners.reshape(-1, 3))
@@ -173,8 +165,8 @@ def shares(corners: np.ndarray) -> np.ndarray:
     """Return of triangles (m, 3, 3) what is nearest to each corner, in two triangles: (m, 3, 2, 3,
     3).
     """
-    middle, centre = 0.5 * (corners + corners[:, [1, 2, 0]]), np.broadcast_to(
-        corners.mean(axis=1)[:, None], corners.shape)
+    middle = 0.5 * (corners + corners[:, [1, 2, 0]])
+    centre = np.broadcast_to(corners.mean(axis=1)[:, None], corners.shape)
     return np.stack([np.stack([corners, middle, centre], axis=2),
                      np.stack([corners, centre, middle[:, [2, 0, 1]]], axis=2)], axis=2)
 
@@ -215,7 +207,8 @@ def draw(picture: Picture, step: int, width: int) -> np.ndarray:
                                  reset_camera=False, render=False)
         actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
         actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
-    plotter.camera.position, plotter.camera.focal_point, plotter.camera.up = focus + extent.max() * toward, focus, up
+    plotter.camera.position, plotter.camera.focal_point, plotter.camera.up = (
+        focus + extent.max() * toward, focus, up)
     plotter.camera.parallel_scale = 0.5 * extent[1]
     plotter.reset_camera_clipping_range()
     plotter.render()
@@ -270,12 +263,11 @@ def compose(picture: Picture, title: str) -> Figure:
     from matplotlib.patches import Patch
 
     picture = picture if picture.kinds else fitted(picture)
-    count, columns = len(picture.surfaces), min(2, len(picture.surfaces))
+    count = len(picture.surfaces)
+    columns = min(2, count)
     views = [draw(picture, step, int(WIDTH / columns * DPI)) for step in range(count)]
-    rows = -(-count // columns)
-    figure = new_figure(WIDTH,
-                        rows * (WIDTH / columns * views[0].shape[0] / views[0].shape[1] + 0.3)
-                        + 1.3)
+    rows, ratio = -(-count // columns), views[0].shape[0] / views[0].shape[1]
+    figure = new_figure(WIDTH, rows * (WIDTH / columns * ratio + 0.3) + 1.3)
     figure.set_layout_engine("constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels:
@@ -287,17 +279,15 @@ def compose(picture: Picture, title: str) -> Figure:
     figure.text(0.5, 1 - 0.42 / figure.get_figheight(), "   ·   ".join(picture.told), ha="center",
                 va="bottom", fontsize=8.5)
     if picture.kinds:
-        colours = picture.palette(range(len(picture.kinds)))
-        figure.legend(handles=[Patch(color=colour, label=name)
-                               for colour, name in zip(colours, picture.kinds)],
-                      title=picture.label,
-                      fontsize=8.5, frameon=False, loc="outside lower center",
+        figure.legend(handles=[Patch(color=picture.palette(k), label=name)
+                               for k, name in enumerate(picture.kinds)],
+                      title=picture.label, fontsize=8.5, frameon=False, loc="outside lower center",
                       ncols=len(picture.kinds))
     else:
+        ticks = np.linspace(*picture.limits, 5)
         bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette),
-                              ax=panels.tolist(),
-                              location="bottom", extend="max" if picture.beyond else "neither",
+                              ax=panels.tolist(), location="bottom",
+                              extend="max" if picture.beyond else "neither",
                               shrink=0.6, aspect=40, label=picture.label)
-        bar.set_ticks(np.linspace(*picture.limits, 5),
-                      labels=[short(value) for value in np.linspace(*picture.limits, 5)])
+        bar.set_ticks(ticks, labels=list(map(short, ticks)))
     return figure

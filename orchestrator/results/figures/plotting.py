@@ -24,7 +24,8 @@ _COMPRESSION = 4  # of 9: a twentieth to a third larger than with the usual 6, i
 DPI = 160  # dots per inch, of figures and of the pictures in them
 GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
+    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9")
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BROWN, OLIVE)
 

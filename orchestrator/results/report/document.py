@@ -1,4 +1,6 @@
-"""The parts of a document (headings, tables, pictures) as Markdown, and a document as one HTML file."""
+"""The parts of a document (headings, tables, pictures) as Markdown, and a document as one HTML
+file.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +10,31 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-_STYLE = """body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem }
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto;
+  padding: 0 1rem }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
-th, td { text-align: left; vertical-align: top; padding: .25rem 1rem .25rem 0; border-bottom: 1px solid #ddd }
+th, td { text-align: left; vertical-align: top; padding: .25rem 1rem .25rem 0;
+  border-bottom: 1px solid #ddd }
 img { max-width: 100% } em { color: #555; font-size: .9em }
 pre { background: #f6f6f6; padding: 1rem; overflow: auto; max-height: 30rem; font-size: .85em }
 td[style*="right"], th { white-space: nowrap }
 div.wide { overflow-x: auto }
-strong { background: #fff0c2; color: #7a2e00; padding: .1rem .4rem; border-left: .3rem solid #d55e00 }
+strong { background: #fff0c2; color: #7a2e00; padding: .1rem .4rem;
+  border-left: .3rem solid #d55e00 }
 @media print {
   @page { margin: 15mm }
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0 }
-  h1, h2, h3 { break-after: avoid } tr, img { break-inside: avoid } thead { display: table-header-group }
+  h1, h2, h3 { break-after: avoid }
+  tr, img { break-inside: avoid }
+  thead { display: table-header-group }
   td, th { padding-right: .5rem } img { max-height: 18cm }
-  pre { max-height: none; overflow: visible; white-space: pre-wrap } div.wide { overflow: visible; font-size: 7.5pt }
+  pre { max-height: none; overflow: visible; white-space: pre-wrap }
+  div.wide { overflow: visible; font-size: 7.5pt }
   strong { -webkit-print-color-adjust: exact; print-color-adjust: exact }
 }"""
-# What Markdown would take for code, the end of a table's cell, emphasis (a * that begins it, a _ that ends it),
-# an entity or a link.
+# What Markdown would take for code, the end of a table's cell, emphasis (a * that begins it, a _
+# that ends it), an entity or a link.
 _MARKS = re.compile(r"[\\`|]|\*(?=\S)|_(?!\w)|&(?=#?\w+;)|\](?=[(\[:])")
 
 
@@ -56,7 +65,8 @@ def section(title: str, *parts: str, level: int = 2) -> list[str]:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = False) -> str:
-    """Rows of texts below a ``head``, nothing without rows; a text of several lines takes several rows.
+    """Rows of texts below a ``head``, nothing without rows; a text of several lines takes several
+    rows.
 
     numeric : columns after the first are aligned right
     """
@@ -66,7 +76,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = Fa
     lines = [[plain(cell) for cell in head], rule]
     for row in rows:
         cells = [plain(cell).split("\n") for cell in row]
-        lines += [[cell[k] if k < len(cell) else "" for cell in cells] for k in range(max(map(len, cells)))]
+        lines += [[cell[k] if k < len(cell) else "" for cell in cells] for k
+                  in range(max(map(len, cells)))]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -76,7 +87,9 @@ def picture(path: str, text: str) -> str:
 
 
 def page(markdown: str, folder: Path, title: str) -> str:
-    """One HTML file of a document in Markdown, with its pictures (PNG, read from ``folder``) inside."""
+    """One HTML file of a document in Markdown, with its pictures (PNG, read from ``folder``)
+    inside.
+    """
     from markdown_it import MarkdownIt  # no more than a report needs it
 
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -89,6 +102,8 @@ def page(markdown: str, folder: Path, title: str) -> str:
         data = base64.b64encode((folder / part.attrs["src"]).read_bytes()).decode()
         part.attrs["src"] = f"data:image/png;base64,{data}"
     body = parser.renderer.render(blocks, parser.options, {})
-    body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
-    return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
-            f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n{body}</body>\n</html>\n")
+    body = body.replace("<table>", '<div class="wide"><table>').replace("</table>",
+                                                                        "</table></div>")
+    return ('<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            f"<title>{html.escape(title)}</title>\n"
+            f"<style>{_STYLE}\n</style>\n</head>\n<body>\n{body}</body>\n</html>\n")

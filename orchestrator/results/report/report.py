@@ -19,10 +19,12 @@ from orchestrator.optional import check_there, DRAWING
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.report.document import Marked, heading, page, picture, plain, section, table
+from orchestrator.results.report.document import (
+    Marked, heading, page, picture, plain, section, table)
 from orchestrator.results.report.tables import tables
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
+from orchestrator.results.summary.summary import View
 from orchestrator.results.summary.verdict import verdict
 
 # words of the summary → what to cite where they are there
@@ -52,19 +54,19 @@ CITED = {
                     "partitioning irregular graphs. SIAM J. Sci. Comput. 20 (1998) 359–392 "
                     "(subdomains).",
 }
+# the structure first, the rest where the text has come to it
 _PICTURES = [
-    ("deformed.png",
-     "Deformed structure, coloured by von Mises stress; lines: sharp edges and borders of the "
-     "subdomains."),
-             ("interfaces.png",
-              "The interfaces that are not perfect: where they are open, stick or slip."),
-             ("convergence.png", "Convergence over the iterations, with the tolerance."),
-             ("time.png",
-              "Where the time went: wall clock per stage, and the black box on its own clock.")]
+    ("deformed.png", "Deformed structure, coloured by von Mises stress; lines: sharp edges and "
+     "borders of the subdomains."),
+    ("interfaces.png", "The interfaces that are not perfect: where they are open, stick or slip."),
+    ("convergence.png", "Convergence over the iterations, with the tolerance."),
+    ("time.png",
+     "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
 def report(directory: str | os.PathLike[str]) -> Path:
-    """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
+    """Draw the figures anew and write report.md and report.html (one file, pictures inside): the
+    verdict first, the structure's picture, the lines of the summary, the tables behind them.
 
     directory : a results folder
     Returns path of report.md
@@ -73,37 +75,25 @@ def report(directory: str | os.PathLike[str]) -> Path:
     """
     for package in DRAWING:
         check_there(package)
-    solution = Solution.read(directory)
-    folder = ResultsFolder(directory)
-    name = str(solution.summary.get("name"))
+    solution, folder = Solution.read(directory), ResultsFolder(directory)
+    summary, history = solution.summary, solution.history
     try:
-        made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields)
+        made = drawn(write_figures, folder, summary, history, solution.fields)
     except CannotDraw as error:
         print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
-        made = write_figures(folder, solution.summary, solution.history)
+        made = write_figures(folder, summary, history)
     there = {path.name for path in made}
-    pictures = [picture(f"figures/{file}", text) for file, text in _PICTURES if file in there]
-    first = _PICTURES[0][0] in there
-    # the structure first, the rest where the text has come to it
-    parts = _parts(solution, pictures[:first])
-    parts += section("Figures", *pictures[first:])
-    text = "\n\n".join(parts + _configuration(solution.summary) + cited(solution.summary)) + "\n"
-    folder.write("report.html", page(text, folder.path, name))
+    first, *others = [picture(f"figures/{file}", text) if file in there else ""
+                      for file, text in _PICTURES]
+    told = verdict(View(summary)) if solution.converged else [
+        f"The run has NOT converged ({solution.stop_reason}): these numbers are of its last state."]
+    rows = [row for row in summary_rows(summary) if row[0] != "verdict"]
+    parts = [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), first,
+             table(("", ""), rows), *(part for each in tables(solution) for part in each.markdown),
+             *section("Figures", *others), *_configuration(summary), *cited(summary)]
+    text = "\n\n".join(filter(None, parts)) + "\n"
+    folder.write("report.html", page(text, folder.path, str(summary.get("name"))))
     return folder.write("report.md", text)
-
-
-def _parts(solution: Solution, pictures: list[str]) -> list[str]:
-    """The report's parts: the verdict first, the structure's picture, the lines of the summary, the
-    tables behind them.
-    """
-    summary = solution.summary
-    told = verdict(summary) if solution.converged else [
-        f"The run has NOT converged ({summary.get('stop_reason')}): these numbers are of its last "
-        "state."]
-    return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), *pictures,
-            table(("", ""), [row for row in summary_rows(summary) if row[0] != "verdict"]),
-            *(part for each in tables(summary, solution.history, solution.directory)
-              for part in each.markdown)]
 
 
 def cited(summary: Mapping[str, object]) -> list[str]:
@@ -115,29 +105,26 @@ def cited(summary: Mapping[str, object]) -> list[str]:
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:
     """The configuration as YAML, and the versions that have computed it."""
-    config, writer, stream = _without(summary.get("config")
-                                      or {}), YAML(typ="safe", pure=True), io.StringIO()
-    config["method"] = _without(config.get("method") or {},
-                                Method().model_dump(mode="json", exclude_none=True))
-    writer.default_flow_style, writer.sort_base_mapping_type_on_output, writer.width = None, False, 100
+    config, writer, stream = _without(summary.get("config") or {}), YAML(typ="safe", pure=True), \
+        io.StringIO()
+    usual = Method().model_dump(mode="json", exclude_none=True)
+    config["method"] = _without(config.get("method") or {}, usual)
+    writer.default_flow_style, writer.sort_base_mapping_type_on_output, writer.width = \
+        None, False, 100
     writer.dump({key: value for key, value in config.items() if value not in ({}, [])}, stream)
-    versions = ", ".join(f"{name} {version}"
-                         for name, version in (summary.get("versions") or {}).items())
+    versions = ", ".join(" ".join(item) for item in (summary.get("versions") or {}).items())
     return [heading("The question"),
-            plain(
-                "The configuration, less what is the default of method. Versions: "
-                f"{versions or 'unknown'}."),
+            plain("The configuration, less what is the default of method. Versions: "
+                  f"{versions or 'unknown'}."),
             "\n".join("    " + line for line in stream.getvalue().splitlines())]
 
 
-def _without(value: Mapping[str, object], usual: Mapping[str, object]
-             | None = None) -> dict[str, object]:
+def _without(value: Mapping[str, object], usual: object = None) -> dict[str, object]:
     """Entries that say something: no null, and none that is as usual."""
-    usual, result = usual or {}, {}
+    usual, result = usual if isinstance(usual, Mapping) else {}, {}
     for key, item in value.items():
         if isinstance(item, Mapping):
-            item = _without(item, known if isinstance(known := usual.get(key), Mapping)
-                            else None) or None
+            item = _without(item, usual.get(key)) or None
         if item is not None and usual.get(key) != item:
             result[key] = item
     return result

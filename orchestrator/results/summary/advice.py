@@ -93,7 +93,10 @@ def standing(run: Stopped) -> Iterator[str]:
     reached = run.iterated.bound.relative
     known = f"method.tolerance.error={1.1 * reached:.1e} would be met; " if math.isfinite(
         reached) and reached < 0.9 else ""
-    yield f"the laws hold much better than that: {known}method.tolerance.law={run.iterated.last.law_residual * 2:.0e} asks for these alone"
+    yield (
+        "the laws hold much better than that: "
+        f"{known}method.tolerance.law={run.iterated.last.law_residual * 2:.0e} asks for these "
+        "alone")
 
 
 def runaway(run: Stopped) -> Iterator[str]:
@@ -116,7 +119,9 @@ def settings(run: Stopped) -> Iterator[str]:
         if value != default:
             changed.append(f"method.{path}={default}")
     if changed:
-        yield f"settings differ from the defaults, which converge more widely: --set {' --set '.join(changed)}"
+        yield (
+            "settings differ from the defaults, which converge more widely: --set "
+            f"{' --set '.join(changed)}")
 
 
 def matter(run: Stopped) -> Iterator[str]:
@@ -181,7 +186,9 @@ def springs(run: Stopped) -> Iterator[str]:
             f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: "
             "lower it in proportion, or method.contact.stabilisation=auto")
     if run.scene.steps > 1:
-        yield "what friction holds may depend on the way there: smaller load steps, or method.increment=1"
+        yield (
+            "what friction holds may depend on the way there: smaller load steps, or "
+            "method.increment=1")
 
 
 def limit(run: Stopped) -> Iterator[str]:
@@ -194,7 +201,9 @@ def limit(run: Stopped) -> Iterator[str]:
     for found, *others in alike.values():
         less = "raise friction" if found.prescribed else "lower the load, raise friction"
         steps = some([str(other.load_step) for other in others])
-        also = f"; nor are the loads of load step{'s' * (len(others) > 1)} {steps} carried" if others else ""
+        also = (
+            f"; nor are the loads of load step{'s' * (len(others) > 1)} {steps} carried" if others
+            else "")
         yield f"{found}{also}: {less}, or hold {some([motion.body for motion in found.motions])}"
 
 
@@ -202,12 +211,16 @@ def code(run: Stopped) -> Iterator[str]:
     """A code that answers inexactly."""
     names = [name for name in run.codes if name]
     others = [name for name in names if name != "freefem"] or names
-    yield f"answers of a code that are inexact or contradictory: orchestrator conformance {others[0] if others else 'CODE'}"
+    yield (
+        "answers of a code that are inexact or contradictory: orchestrator conformance "
+        f"{others[0] if others else 'CODE'}")
 
 
 def surfaces(run: Stopped) -> Iterator[str]:
     """Forces that the true surfaces cannot carry, or that do not clamp."""
-    yield "forces are not what surfaces and friction allow: smaller elements on curved faces that slide, or loads that friction can hold"
+    yield (
+        "forces are not what surfaces and friction allow: smaller elements on curved faces that "
+        "slide, or loads that friction can hold")
 
 
 # first word or words of ``stop_reason`` → where the causes are, the likeliest first

@@ -47,7 +47,9 @@ def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
     kept = [s for s in scene.subdomains if s.body not in lost and s.index not in tools]
     result = [*scene_cautions(scene)]
     if (error := discretisation_error) is not None and error > COARSE:
-        finer, linear = "halve the element size where fields/ show large discretisation_error", scene.mesh.cells.shape[1] == 4
+        finer, linear = (
+            "halve the element size where fields/ show large discretisation_error",
+            scene.mesh.cells.shape[1] == 4)
         locks = any(scene.materials[m].poisson > LOCKING for m in scene.used)
         cure = finer if not linear else "take blackbox: {element: P2}" + (
             "" if locks else f", or {finer}")
@@ -144,10 +146,30 @@ def tool_cautions(placed: Sequence[PlacedTool]) -> Iterator[str]:
         told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > AMISS) + \
             [f"forces point {one.turned:.1%} of their size elsewhere"] * (one.turned > TURNED)
         if told:
-            yield f"{one.tool.name} has moved along its curved surface: {' and '.join(told)}; smaller motions are told right"
+            yield (
+                f"{one.tool.name} has moved along its curved surface: {' and '.join(told)}; "
+                "smaller motions are told right")
         if one.passed is not None:
             depth, step, where = one.passed
             yield (
                 f"{some(one.parts)} passes through {one.tool.name} by {depth:.3g} at load step "
                 f"{step + 1}, at {format_point(where)}, where no faces were sought that it may "
                 "touch: write within: with a larger length, or angle: for faces that look aside")
+
+
+def of_unheld(scene: Scene, detached: Sequence[list[str]]) -> Iterator[str]:
+    """A sentence on each probe of displacements of bodies that nothing holds at some load step:
+    they may be anywhere.
+
+    detached : names of these bodies, per load step
+    """
+    for probe in scene.probes:
+        read = {getattr(probe, "quantity", ""), getattr(probe, "of", "")}
+        if "displacement" not in read or "resultant" in read:
+            continue
+        bodies = {scene.subdomains[e].body for e in probe.subdomains}
+        steps = [str(step) for step, names in enumerate(detached, 1) if bodies & set(names)]
+        if steps:
+            yield (f"probe {probe.name!r} tells displacements of {some(sorted(bodies))}, which "
+                   f"nothing holds at load step{'s' * (len(steps) > 1)} {some(steps)}: they mean "
+                   "nothing there")

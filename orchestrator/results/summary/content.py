@@ -21,10 +21,10 @@ from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.processes import memory_peak_mb
-from orchestrator.results.answers import reaction_names
 from orchestrator.results.summary.advice import Stopped, advice
-from orchestrator.results.summary.cautions import cautions, tool_cautions
+from orchestrator.results.summary.cautions import cautions, of_unheld, tool_cautions
 from orchestrator.results.summary.contact_faces import contact_faces
+from orchestrator.results.summary.summary import place_text
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -32,6 +32,7 @@ from orchestrator.timing import Stopwatch
 # What is right only where answers are linear in the forces; the elastic problems that correct
 # iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
+RESIDUALS = ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")
 MOST_SHARES = 20  # bodies, and interfaces, of which a share of the error is told
 
 
@@ -44,89 +45,88 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     exact : the undecomposed solution, if asked for
     ranks : what each rank has spent
     """
-    iterated, estimated = delivered.iterated, delivered.discretisation
-    last, contact, met = iterated.last, _contact(scene, delivered,
-                                                 reaction_names(config)), delivered.contact
-    spent = total(ranks, scene)
-    own, foreign = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"]
-                                      if entry["own_matter"])), []
+    iterated, estimated, met = delivered.iterated, delivered.discretisation, delivered.contact
+    last, found, bound = iterated.last, iterated.found, iterated.bound
+    names = [*(place_text(entry.model_dump(exclude_none=True)["on"], entry.part)
+               for entry in config.boundary), *config.tools]
+    contact, spent = _contact(scene, delivered, names), total(ranks, scene)
+    warnings = stabilisation_cautions(config.method)
+    own = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"] if entry["own_matter"]))
     if own:
-        foreign, estimated = [
+        estimated = None
+        warnings.append(
             "stresses and the estimated error of the mesh are those of the YAML's moduli; the "
             f"matter of {some(own)} is its own: there they are not to be believed, displacements "
             "and forces are, if that matter, its units included, is the one that is meant: nothing "
-            "shows that it is"], None
-    loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ())
-                    for name in names})
+            "shows that it is")
+    off, detached = estimated and estimated.relative, contact.get("detached", ())
+    warnings += [*sentences(found.get("far_bodies", [])),
+                 *cautions(scene, delivered.sides or delivered.parts, delivered.met, detached, off,
+                           delivered.moved),
+                 *tool_cautions(delivered.tools), *of_unheld(scene, detached)]
+    loose = sorted({name for key in ("detached", "weakly_held") for step in contact.get(key, ())
+                    for name in step})
     # each was asked once an iteration, and at each load step's end once more
     flowing = [s.name for s in scene.subdomains if s.remembers]
-    nonlinear: dict[str, object] = {"nonlinear": {
-        "subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps),
-        "off": OFF}} if flowing else {}
-    factor, kind = getattr(iterated.bound, "factor", 1.0), None
-    if math.isfinite(iterated.bound.relative):
-        kind = "guaranteed" if getattr(iterated.bound, "guaranteed", True) else "estimated"
-    summary = {"name": config.name, "converged": iterated.converged,
-               "stop_reason": iterated.stop_reason,
-               "advice": advice(Stopped(scene, config.method, iterated, loose,
+    answers = len(flowing) * (iterated.iterations + scene.steps)
+    factor, kind = getattr(bound, "factor", 1.0), None
+    if math.isfinite(bound.relative):
+        kind = "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
+    about = np.array(config.output.moments_about, dtype=float)
+    forces, moments = np.split(delivered.reactions, 2, axis=2)
+    summary = {
+        "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
+        "advice": advice(Stopped(scene, config.method, iterated, loose,
                                  [code.code for code in config.codes], met and met.stabilised)),
-               "iterations": iterated.iterations,
-               "acceleration": algorithm(config.method.acceleration,
-                                         scene.bonded and not nonlinear).title,
-               "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps,
+        "iterations": iterated.iterations,
+        "acceleration": algorithm(config.method.acceleration, scene.bonded and not flowing).title,
+        "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps,
                    "total": setup_sweeps + iterated.sweeps},
-               "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
-               "sole_scale": met and met.sole_scale,
-        "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": kind,
+        "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
+        "sole_scale": met and met.sole_scale,
+        "indicator": last.indicator, "error_bound": bound.relative, "error_kind": kind,
         # by which friction has multiplied it
-               "error_factor": factor if kind == "guaranteed" and factor > 1 else None,
+        "error_factor": factor if kind == "guaranteed" and factor > 1 else None,
         "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
-               "true_error": exact.relative_error(delivered.displacement) if exact else None,
-               "discretisation_error": estimated and estimated.relative,
-               "tolerance": last.tolerance,
-               "residuals": {name: getattr(last, name)
-                      for name in ("displacement_jump", "force_imbalance", "residual",
-                                   "macro_imbalance")}
-               | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met
-               and met.stabilised else None,
-               "places": asdict(met.places) if met and met.places else None,
-               **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
+        "true_error": exact and exact.relative_error(delivered.displacement),
+        "discretisation_error": off, "tolerance": last.tolerance,
+        "residuals": {name: getattr(last, name) for name in RESIDUALS}
+        | (met.laws.named if met else {}),
+        "stabilised": met and met.stabilised, "places": met and met.places,
+        "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
-               "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
-               "reactions": delivered.reactions[:, :, :3].tolist(),
-               **contact,
-               "tools": [{"name": one.tool.name, "about": one.tool.driven.about.tolist(),
-                   "displacement": one.moved[:, :3].tolist(),
-                   "rotation": np.degrees(one.moved[:, 3:]).tolist()} for one in delivered.tools],
-               "load_path": [found | {"sentence": path_sentence(found)}
-                      for found in iterated.found.get("path", [])],
-               "limit_load": [asdict(found) | {"sentence": str(found)}
-                       for found in iterated.found.get("limit_load", [])],
-               "far_bodies": [asdict(body) | {"sentence": str(body)}
-                       for body in iterated.found.get("far_bodies", [])],
-               "warnings": stabilisation_cautions(config.method) + foreign
-               + sentences(iterated.found.get("far_bodies", []))
-               + cautions(scene, delivered.sides or delivered.parts, delivered.met,
-                   contact.get("detached", ()),
-                   estimated and estimated.relative, delivered.moved)
-               + [*tool_cautions(delivered.tools)],
-               **spent, "config": config.complete()}
+        "energy": [math.nan] * scene.steps if flowing else delivered.energy,
+        "reactions": forces, "reaction_names": names,
+        "reaction_kinds": ["load" if entry.forces else "support" for entry in scene.boundary],
+        "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces),
+                             "middle": scene.mesh.box.mean(axis=0),
+                             "size": float(np.linalg.norm(np.ptp(scene.mesh.box, axis=0)))},
+        **contact,
+        "tools": [{"name": one.tool.name, "about": one.tool.driven.about,
+                   "displacement": one.moved[:, :3], "rotation": np.degrees(one.moved[:, 3:])}
+                  for one in delivered.tools],
+        "load_path": [one | {"sentence": path_sentence(one)} for one in found.get("path", [])],
+        **{key: [asdict(one) | {"sentence": str(one)} for one in found.get(key, [])]
+           for key in ("limit_load", "far_bodies")},
+        "warnings": warnings, **spent, "config": config.complete()}
+    if flowing:
+        summary["nonlinear"] = {"subdomains": flowing, "answers": answers, "off": OFF}
     note_time(summary, watch)
     return summary
 
 
 def problem_size(scene: Scene) -> dict[str, int]:
-    """The part of the summary that says how large the problem is."""
+    """Return the part of the summary that says how large the problem is."""
     copies = sum(len(s.nodes) for s in scene.subdomains)
-    met = sum(len(i.global_nodes) for i in scene.interfaces)
+    shared = sum(len(i.global_nodes) for i in scene.interfaces)
     return {"dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * copies,
             "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
-            "interface_nodes": met, "load_steps": scene.steps}
+            "interface_nodes": shared, "load_steps": scene.steps}
 
 
 def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
-    """Seconds of all stages so far, and this rank's memory; to be noted again when more has been
-    done.
+    """Note the seconds of all stages so far, and this rank's memory; to be noted again when more
+    has been done.
     """
     summary["timing"] = {"total": watch.total, **watch.seconds,
                          "blackbox": summary["timing"].get("blackbox", {})}
@@ -139,9 +139,9 @@ def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
 
 def _shares(found: Shares | None) -> dict[str, object] | None:
     """The largest shares of the error, and every body's own beside its own energy."""
-    first = found and {key: dict(islice(getattr(found, key).items(), MOST_SHARES))
-                       for key in ("bodies", "interfaces")}
-    return first and {"load_step": found.step + 1, **first, "own": found.own}
+    return found and {"load_step": found.step + 1,
+                      **{key: dict(islice(getattr(found, key).items(), MOST_SHARES))
+                         for key in ("bodies", "interfaces")}, "own": found.own}
 
 
 def _backward(found: Backward | None) -> dict[str, object] | None:
@@ -158,15 +158,16 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
     """
     if (met := delivered.met) is None:
         return {}
-    bound, unbalanced = delivered.iterated.bound, {}
-    # else it is not known which no forces hold that the laws allow
-    if isinstance(bound, Certified):
-        unbalanced["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose]
-                                    for step in bound.pair.unbalanced]
-    return {"status_counts": met.counts, "interface_resultants": [
+    bound, found = delivered.iterated.bound, {
+        "status_counts": met.counts,
+        "interface_resultants": [
             {"name": i.name, "subdomains": [scene.subdomains[e].name for e in i.subdomains],
              "law": i.law.name, "resultant": force}
-            for i, force in zip(scene.opening, met.resultant.tolist())],
-            "detached": met.detached, "weakly_held": met.weakly_held, **unbalanced,
-            "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions),
-            **({"bolts": met.bolts} if scene.bolts else {})}
+            for i, force in zip(scene.opening, met.resultant)],
+        "detached": met.detached, "weakly_held": met.weakly_held,
+        "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions)}
+    # else it is not known which no forces hold that the laws allow
+    if isinstance(bound, Certified):
+        found["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose]
+                               for step in bound.pair.unbalanced]
+    return found | ({"bolts": met.bolts} if scene.bolts else {})

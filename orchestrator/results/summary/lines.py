@@ -17,7 +17,7 @@ from string import Formatter
 from orchestrator.parallel.team import watched
 from orchestrator.results.summary import sentences
 from orchestrator.results.summary.sentences import vector
-from orchestrator.results.summary.summary import jsonable, units_of
+from orchestrator.results.summary.summary import View
 from orchestrator.results.summary.verdict import verdict
 
 MOST = 6  # texts of a line that are told briefly
@@ -37,7 +37,7 @@ class SummaryLine:
     """
 
     label: str
-    told: str | Callable[[Mapping[str, object]], str | list[str]]
+    told: str | Callable[[View], str | list[str]]
     each: str = ""
     brief: bool = True
 
@@ -61,8 +61,8 @@ LINES = (
                 "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}‹ of "
                 "{peak_displacement[part]}›‹, load step {peak_displacement[load_step]} of "
                 "{many}›)"),
-    SummaryLine("reactions", lambda summary: sentences.forces(summary, "support")),
-    SummaryLine("loads", lambda summary: sentences.forces(summary, "load")),
+    SummaryLine("reactions", lambda s: sentences.forces(s, "support")),
+    SummaryLine("loads", lambda s: sentences.forces(s, "load")),
     SummaryLine("interfaces", sentences.statuses),
     SummaryLine("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
     SummaryLine("probes", sentences.probes),
@@ -143,66 +143,30 @@ def filled(template: str, fields: Mapping[str, object], *told: object) -> str:
     return "".join(texts)
 
 
-def _view(summary: Mapping[str, object]) -> dict[str, object]:
-    """Return what templates read: a summary as it is written, with units and what several keys
-    tell.
-    """
-    found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {
-        "config": summary.get("config") or {}
-    }
-    reason, asked = (
-        found.get("stop_reason"),
-        (found["config"].get("method") or {}).get("tolerance") or {},
-    )
-    last = found["accuracy"]["meshes"][-1] if found.get("accuracy") else None
-    return found | {
-        "unit": units_of(summary),
-        "many": steps if (steps := found.get("load_steps") or 1) > 1 else None,
-        "ended": "converged" if found.get("converged") else "NOT converged",
-        "why": None if reason == "converged" else reason,
-        "kind": found.get("error_kind") or "guaranteed",
+def _shown(s: View) -> dict[str, object]:
+    """Return what templates read: a summary, and what several keys tell."""
+    asked = (s.config.get("method") or {}).get("tolerance") or {}
+    last = (s.accuracy.get("meshes") or [None])[-1]
+    return vars(s) | {
+        "ended": "converged" if s.converged else "NOT converged",
+        "why": None if s.stop_reason == "converged" else s.stop_reason,
+        "kind": s.error_kind or "guaranteed",
         "fraction": asked.get("fraction"),
-        "tools": [
-            tool if any(tool["rotation"][-1]) else tool | {"rotation": None}
-            for tool in found.get("tools") or ()
-        ],
-        "auto": found.get("tolerance") if asked.get("error") == "auto" else None,
-        "bolts": [
-            bolt
-            | {
-                key: [
-                    0.0
-                    if x is None or abs(x) <= sentences.ROUNDED * abs(force)
-                    else x  # of rounding
-                    for x, force in zip(bolt[key], bolt["force"])
-                ]
-                for key in ("shear", "bending")
-                if bolt.get(key)
-            }
-            for bolt in found.get("bolts") or ()
-        ],
-        "mesh": last
-        and last
-        | {
-            "checked": "an estimate that nothing has checked"
-            if last["told"] is None
-            else "measured against the mesh before"
-        },
-    }
+        "auto": s.tolerance if asked.get("error") == "auto" else None,
+        "tools": [tool if any(tool["rotation"][-1]) else tool | {"rotation": None}
+                  for tool in s.tools],
+        "bolts": [bolt | {key: [0.0 if x is None or abs(x) <= sentences.ROUNDED * abs(force) else x
+                                for x, force in zip(bolt[key], bolt["force"])]  # of rounding
+                          for key in ("shear", "bending") if bolt.get(key)} for bolt in s.bolts],
+        "mesh": last and last | {"checked": "measured against the mesh before" if last["told"]
+                                 else "an estimate that nothing has checked"}}
 
 
 def _last(entry: object) -> dict[str, object]:
     """An entry, of lists over the load steps the last."""
-    return (
-        {}
-        if isinstance(entry, str)
-        else {
-            key: value[-1]
-            if isinstance(value, list) and value and not isinstance(value[0], str) or key == "state"
-            else value
-            for key, value in entry.items()
-        }
-    )
+    return {} if isinstance(entry, str) else {
+        key: value[-1] if isinstance(value, list) and value and not isinstance(value[0], str)
+        or key == "state" else value for key, value in entry.items()}
 
 
 def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tuple[str, str]]:
@@ -210,20 +174,18 @@ def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tup
 
     brief : only what most look for, of lists the first ones; verdict and advice are told whole
     """
-    view, rows = _view(summary), []
+    s, rows = View(summary), []
+    shown = _shown(s)
     for line in LINES:
-        if brief and (
-            not line.brief or line.label == "law residual" and view.get("error_bound") is not None
-        ):
+        if brief and (not line.brief
+                      or line.label == "law residual" and s.error_bound is not None):
             continue
         if line.each:
-            entries = view.get(line.each) or ()
-            texts = [
-                filled(line.told, _last(entry) | {"unit": view["unit"]}, entry)
-                for entry in ([entries] if isinstance(entries, Mapping) else entries)
-            ]
+            entries = shown[line.each] or ()
+            texts = [filled(line.told, _last(entry) | {"unit": s.unit}, entry)
+                     for entry in ([entries] if isinstance(entries, Mapping) else entries)]
         else:
-            texts = filled(line.told, view) if isinstance(line.told, str) else line.told(view)
+            texts = filled(line.told, shown) if isinstance(line.told, str) else line.told(s)
         texts = [text for text in ([texts] if isinstance(texts, str) else texts) if text]
         if brief and len(texts) > MOST and line.label not in ("verdict", "what to do"):
             texts = [*texts[:MOST], f"… and {len(texts) - MOST} more in summary.json"]
@@ -232,12 +194,9 @@ def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tup
     return rows
 
 
-def print_summary(
-    summary: Mapping[str, object],
-    directory: str | os.PathLike[str] | None = None,
-    console: object | None = None,
-    verbose: bool = True,
-) -> None:
+def print_summary(summary: Mapping[str, object],
+                  directory: str | os.PathLike[str] | None = None,
+                  console: object | None = None, verbose: bool = True) -> None:
     """Print a summary as a table of two columns, lines wrapped at the terminal's width.
 
     summary : as for ``write_summary``
@@ -249,9 +208,8 @@ def print_summary(
     from rich.table import Table
     from rich.text import Text
 
-    console = console or Console(
-        highlight=False, emoji=False, force_terminal=None if watched() else False
-    )
+    console = console or Console(highlight=False, emoji=False,
+                                 force_terminal=None if watched() else False)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -259,15 +217,9 @@ def print_summary(
     if not verbose:
         rows.append(("more", MORE.format(directory or "DIR")))
     if directory is not None:
-        drawn = any(Path(directory).glob("figures/*.png"))
-        rows.append(
-            (
-                "results",
-                f"{directory}, figures in {Path(directory) / 'figures'}"
-                if drawn
-                else str(directory),
-            )
-        )
+        figures = Path(directory) / "figures"
+        rows.append(("results", f"{directory}, figures in {figures}" if any(figures.glob("*.png"))
+                     else str(directory)))
     style = STYLES | {"result": "green" if summary.get("converged") else "red"}
     for label, text in rows:
         table.add_row(label, Text(text, style=style.get(label, "")))

@@ -6,7 +6,8 @@ import json
 import math
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,16 @@ KEYS = (
     "interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held "
     "unbalanced far_bodies warnings timing workload codes asking_seconds orchestrator_seconds "
     "versions memory_peak_mb rank_memory_peak_mb skipped config").split()
+MORE_KEYS = ("workers", "nonlinear")  # of which some runs know
+LISTS = (
+    "advice energy reactions reaction_names reaction_kinds probes paths interface_resultants "
+    "contact_faces bolts tools load_path limit_load detached weakly_held unbalanced far_bodies "
+    "warnings codes skipped").split()
+MAPPINGS = (
+    "sweeps error_shares accuracy residuals stabilised places peak_stress peak_displacement "
+    "reaction_moments status_counts backward timing workload versions config").split()
+EMPTY = dict.fromkeys(LISTS, []) | dict.fromkeys(MAPPINGS, {})
+KINDS = {"displacement": "length", "stress": "stress", "force": "force"}  # of probes' numbers
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "meshes_before": "coarser meshes", "mesh": "mesh",
           "parts": "numbering, parts of ranks", "soles": "soles",
@@ -46,8 +57,12 @@ def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
 
     Numpy numbers and arrays become plain ones; nan and infinities become null, which JSON can hold.
     """
-    complete = {key: summary.get(key) for key in KEYS} | dict(summary)
-    return folder.write(NAME, json.dumps(jsonable(complete), indent=1, allow_nan=False) + "\n")
+    return folder.write(NAME, json.dumps(known(summary), indent=1, allow_nan=False) + "\n")
+
+
+def known(summary: Mapping[str, object]) -> dict[str, object]:
+    """Return a summary as it is written: all of ``KEYS``, in the types of JSON."""
+    return jsonable(dict.fromkeys(KEYS) | summary)
 
 
 def read_summary(directory: str | os.PathLike[str]) -> dict[str, object]:
@@ -71,17 +86,17 @@ def read_summary(directory: str | os.PathLike[str]) -> dict[str, object]:
 
 
 def jsonable(value: object) -> object:
-    """``value`` in plain JSON types: numpy converted, nan and infinities None, unknown objects as
-    text.
+    """Return ``value`` in plain JSON types: numpy's and dataclasses converted, nan and infinities
+    None, unknown objects as text.
     """
+    if is_dataclass(value):
+        value = asdict(value)
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
     if isinstance(value, (list, tuple, set)):
         return [jsonable(item) for item in value]
-    if isinstance(value, np.generic):
-        return jsonable(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)
@@ -95,27 +110,72 @@ def versions(blackbox: Mapping[str, str] | None = None) -> dict[str, str]:
             "numpy": np.__version__, "scipy": scipy.__version__, **(blackbox or {})}
 
 
-def blackbox_seconds(timing: Mapping[str, object]) -> float:
-    """The black box's own seconds, summed over its workers and its stages."""
-    own = timing.get("blackbox") or {}
-    return float(sum(own.get(stage) or 0.0 for stage in BLACKBOX_STAGES))
+class View:
+    """A summary for those who read it: its keys as attributes, empty where nothing is known.
 
-
-def stage_seconds(timing: Mapping[str, object]) -> list[tuple[str, float]]:
-    """Names of ``STAGES`` and the seconds that they took, those that took some; the rest of the
-    total last.
+    unit : of length, force, stress, moment and energy, a space before; empty where none is named
+    many : load steps, None where there is but one
+    stages : names of ``STAGES`` and the seconds that they took, those that took some; the rest of
+        the total last
+    blackbox, blackbox_seconds : stage → seconds on its own clock, and all of them, summed over its
+        workers
     """
-    rows = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
-    return [*rows,
-            ("everything else",
-             max(0.0, (timing.get("total") or 0.0) - sum(seconds for _, seconds in rows)))]
+
+    def __init__(self, summary: Mapping[str, object]):
+        found = {key: jsonable(summary.get(key)) for key in (*KEYS, *MORE_KEYS, *summary)}
+        vars(self).update({key: EMPTY.get(key) if x is None else x for key, x in found.items()})
+        self.unit = _units((self.config.get("output") or {}).get("units"))
+        self.many = steps if (steps := self.load_steps or 1) > 1 else None
+        own, total = self.timing.get("blackbox") or {}, self.timing.get("total") or 0.0
+        took = [(label, float(self.timing[stage])) for stage, label in STAGES.items()
+                if self.timing.get(stage)]
+        rest = max(0.0, total - sum(seconds for _, seconds in took))
+        self.stages = [*took, ("everything else", rest)]
+        self.blackbox = {stage: own[stage] for stage in BLACKBOX_STAGES
+                         if own.get(stage) is not None}
+        self.blackbox_seconds = float(sum(self.blackbox.values()))
 
 
-def units_of(summary: Mapping[str, object]) -> dict[str, str]:
-    """Units of length, force, stress and moment with a space before; empty where none are named."""
-    named = ((summary.get("config") or {}).get("output") or {}).get("units")
+def quantities(s: View) -> Iterator[tuple[str, str, str, object]]:
+    """Yield key, name in words (empty: nothing to compare runs by), kind, and the number of each
+    load step, or a number, of what an engineer asks a run for.
+    """
+    for key, kind in (("peak_stress", "stress"), ("peak_displacement", "length")):
+        yield key, key.replace("_", " "), kind, getattr(s, key).get("value")
+    yield "energy", "energy", "energy", s.energy or None
+    for name, steps in zip(s.reaction_names, s.reactions):
+        yield f"reaction.{name}", f"reaction {name}", "force", steps
+    ends = [bolt["force"][-1] for bolt in s.bolts if bolt["force"]]
+    if ends and len(ends) == len(s.bolts):
+        yield "bolt_force_min", "", "force", min(ends)
+        yield "bolt_force_max", "", "force", max(ends)
+    for bolt in s.bolts:
+        name = bolt["name"]
+        yield f"bolt.{name}.force", f"bolt {name}, axial", "force", bolt["force"]
+        yield f"bolt.{name}.shortening", "", "length", bolt["shortening"]
+    for probe in s.probes:
+        for name, values in probe["values"].items():
+            kind = "moment" if name in ("mx", "my", "mz") else KINDS.get(probe.get("of"), name)
+            yield f"{probe['name']}.{name}", f"probe {probe['name']} {name}", kind, values
+    for name, counts in s.status_counts.items():
+        yield f"pairs.{name}", "", "pairs", counts
+
+
+def numbers_of(s: View) -> dict[str, float]:
+    """Return key → number, of the last load step; what is not known is left out."""
+    found: dict[str, object] = {"iterations": s.iterations, "error_bound": s.error_bound,
+                                "discretisation_error": s.discretisation_error,
+                                "seconds": s.timing.get("total")}
+    for key, _, _, values in quantities(s):
+        last = (values or [None])[-1] if isinstance(values, list) else values
+        found |= {f"{key}.{axis}": x for axis, x in zip("xyz", last)} if isinstance(last, list) \
+            else {key: last}
+    return {key: x for key, x in found.items() if isinstance(x, (int, float))}
+
+
+def _units(named: Mapping[str, str] | None) -> dict[str, str]:
     if not named:
-        return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
+        return dict.fromkeys(("length", "force", "stress", "moment", "energy"), "")
     # pydantic comes with it, for which who draws would wait
     from orchestrator.config.model import Units
 
@@ -137,42 +197,3 @@ def place_text(on: str | Mapping[str, object], part: str | None = None) -> str:
         return f"{on['plane']} = {on['at']:g}"
     return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")"
                                for corner in on["box"])
-
-
-def code_label(entry: Mapping[str, object]) -> str:
-    """Name of a code with its transport."""
-    return f"{entry['code']} ({entry['transport']})"
-
-
-def numbers_of(summary: Mapping[str, object]) -> dict[str, float]:
-    """Name → number; what is not known is left out. Forces of boundaries and bolts, probes and
-    statuses are of the last load step.
-    """
-    found: dict[str, object] = {key: summary.get(key)
-                                for key in ("iterations", "error_bound", "discretisation_error")}
-    found["seconds"] = (summary.get("timing") or {}).get("total")
-    for key in ("peak_stress", "peak_displacement"):
-        found[key] = (summary.get(key) or {}).get("value")
-    found["energy"] = _last(summary.get("energy"))
-    for name, steps in zip(summary.get("reaction_names") or (), summary.get("reactions") or ()):
-        found |= {f"reaction.{name}.{axis}": value
-                  for axis, value in zip("xyz", _last(steps) or ())}
-    bolts = summary.get("bolts") or ()
-    if bolts and all(bolt["force"] for bolt in bolts):
-        found |= {f"bolt_force_{end}": pick(bolt["force"][-1] for bolt in bolts)
-                  for end, pick in (("min", min), ("max", max))}
-    for bolt in bolts:
-        found |= {f"bolt.{bolt['name']}.{key}": _last(bolt[key]) for key in ("force", "shortening")}
-    for probe in summary.get("probes") or ():
-        found |= {f"{probe['name']}.{name}": _last(column)
-                  for name, column in probe["values"].items()}
-    found |= {f"pairs.{name}": _last(counts)
-              for name, counts in (summary.get("status_counts") or {}).items()}
-    return {name: value for name, value in found.items() if isinstance(value, (int, float))
-            and math.isfinite(value)}
-
-
-def _last(values: object) -> object:
-    return values[-1] if isinstance(values,
-                                    Sequence) and not isinstance(values, str) and len(
-                                        values) else None

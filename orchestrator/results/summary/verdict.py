@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from orchestrator.results.summary.summary import units_of
+from orchestrator.results.summary.summary import View
 
 Face = Mapping[str, object]
 
@@ -17,78 +17,61 @@ PRESSED = 0.01  # share of its largest normal force from which on a face is pres
 KINDS = {"plane": "plane faces", "round": "round faces", "head": "heads"}
 
 
-def verdict(summary: Mapping[str, object]) -> list[str]:
+def verdict(s: View) -> list[str]:
     """Return sentences, those that matter most first; none where nothing can slip and there are no
-    bolts, or the run has not converged. ``summary`` : as it is written to summary.json."""
-    if not summary.get("converged"):
+    bolts, or the run has not converged.
+    """
+    if not s.converged:
         return []
-    unit, faces = units_of(summary), summary.get("contact_faces") or ()
-    return [
-        *_joints(faces, unit),
-        *_bearing(faces, unit["force"], summary.get("tolerance") or 0.0),
-        *_loosened(summary.get("bolts") or (), unit["force"]),
-    ]
+    faces, force = s.contact_faces, s.unit["force"]
+    return [*_joints(faces, s.unit), *_bearing(faces, force, s.tolerance or 0.0),
+            *_loosened(s.bolts, force)]
 
 
 def _joints(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
     """Return what joints do, plates before heads: of each kind the faces that move, the first ones
-    first, then of those that hold the one that is pressed most, and the one nearest to slipping."""
+    first, then of those that hold the one that is pressed most, and the one nearest to slipping.
+    """
     told: list[str] = []
     for kind, many in KINDS.items():
-        own = [
-            face
-            for face in faces
-            if face["kind"] == kind and max(face["capacity"], default=0.0) > 0
-        ]
-        parts = {face["name"]: _parts(face) for face in own}
-        moves = sorted(
-            (face for face in own if face["slips"] or parts[face["name"]]),
-            key=lambda face: face["slips"]["step"] if face["slips"] else parts[face["name"]],
-        )
-        told += _first(
-            moves, lambda face: _moves(face, parts[face["name"]], units), f"{many} slip or part"
-        )
-        held = sorted(
-            (face for face in own if face not in moves), key=lambda face: -max(face["normal"])
-        )
+        own = [face | {"parts": _parts(face)} for face in faces
+               if face["kind"] == kind and max(face["capacity"], default=0.0) > 0]
+        moves = [face for face in own if face["slips"] or face["parts"]]
+        moves.sort(key=lambda face: face["slips"]["step"] if face["slips"] else face["parts"])
+        told += _first(moves, lambda face: _moves(face, units), f"{many} slip or part")
+        held = sorted((face for face in own if not face["slips"] and not face["parts"]),
+                      key=lambda face: -max(face["normal"]))
         told += [f"{face['name']} holds, {_used(face, units['force'])[1]}" for face in held[:1]]
         if others := held[1:]:
             nearest = max(others, key=lambda face: _used(face, "")[0])
-            told.append(
-                f"{len(others)} more {many} hold; nearest to slipping is {nearest['name']}, "
-                f"{_used(nearest, units['force'])[1]}"
-            )
+            told.append(f"{len(others)} more {many} hold; nearest to slipping is "
+                        f"{nearest['name']}, {_used(nearest, units['force'])[1]}")
     return told
 
 
-def _moves(face: Face, parts: int, units: Mapping[str, str]) -> str:
+def _moves(face: Face, units: Mapping[str, str]) -> str:
     """Return how a face slips, and from which load step on it ``parts``; 0: it does not."""
-    gone = f"parts at load step {parts}, when nothing presses it any more"
+    gone = f"parts at load step {face['parts']}, when nothing presses it any more"
     if face["slips"]:
-        return _slips(face, units) + f"; it {gone}" * bool(parts)
+        return _slips(face, units) + f"; it {gone}" * bool(face["parts"])
     return f"{face['name']} {gone}; until then it holds, {_used(face, units['force'])[1]}"
+
+
+def _pressed(face: Face) -> list[bool]:
+    return [force > PRESSED * max(face["normal"]) for force in face["normal"]]
 
 
 def _parts(face: Face) -> int:
     """Return the load step from which on nothing presses a face that was pressed; 0: none."""
-    pressed = [force > PRESSED * max(face["normal"]) for force in face["normal"]]
-    return next(
-        (
-            step
-            for step in range(2, len(pressed) + 1)
-            if any(pressed[:step]) and not pressed[step - 1]
-        ),
-        0,
-    )
+    pressed = _pressed(face)
+    return next((step for step in range(2, len(pressed) + 1)
+                 if any(pressed[:step]) and not pressed[step - 1]), 0)
 
 
 def _used(face: Face, unit: str) -> tuple[float, str]:
     """Return the largest share used of what friction can hold, and that in words."""
-    most, step = max(
-        (used, step)
-        for step, (used, force) in enumerate(zip(face["used"], face["normal"]))
-        if force > PRESSED * max(face["normal"])
-    )
+    most, step = max((used, step) for step, (used, pressed)
+                     in enumerate(zip(face["used"], _pressed(face))) if pressed)
     carried, capacity = (face[key][step] for key in ("carried", "capacity"))
     share = "less than 1%" if most < 0.01 else f"at most {most:.0%}"
     told = f"{_rounded(carried)} of {_rounded(capacity)}{unit}, "
@@ -106,34 +89,25 @@ def _bearing(faces: Sequence[Face], unit: str, tolerance: float) -> list[str]:
 
     def bears(face: Face) -> str:
         first = next(step for step, force in enumerate(face["bears"], 1) if force > least)
-        return f"{face['name']} bears from load step {first}, with up to {_rounded(max(face['bears']))}{unit}"
+        most = _rounded(max(face["bears"]))
+        return f"{face['name']} bears from load step {first}, with up to {most}{unit}"
 
-    told = _first(
-        [face for face in bores if max(face["bears"], default=0.0) > least], bears, "shanks bear"
-    )
-    return told or ["no shank bears in its hole"] * bool(bores)
+    bearing = [face for face in bores if max(face["bears"], default=0.0) > least]
+    return _first(bearing, bears, "shanks bear") or ["no shank bears in its hole"] * bool(bores)
 
 
 def _loosened(bolts: Sequence[Mapping[str, object]], unit: str) -> list[str]:
     """The bolt that loses most of the force that it was tightened with last."""
-    lost = []
+    lost = [(0.0, "", 0.0, 0.0)]
     for bolt in bolts:
-        last = max(
-            (step for step, state in enumerate(bolt["state"]) if state == "tightened"),
-            default=len(bolt["force"]),
-        )
-        if after := bolt["force"][last + 1 :]:
-            lost.append(
-                (
-                    1 - min(after) / bolt["force"][last],
-                    bolt["name"],
-                    bolt["force"][last],
-                    min(after),
-                )
-            )
-    share, name, given, left = max(lost, default=(0.0, "", 0.0, 0.0))
-    told = f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of {_rounded(given)}{unit}"
-    return [told] * (share > LOST)
+        force, tightened = bolt["force"], [k for k, x in enumerate(bolt["state"])
+                                           if x == "tightened"]
+        if tightened and (after := force[tightened[-1] + 1:]):
+            given = force[tightened[-1]]
+            lost.append((1 - min(after) / given, bolt["name"], given, min(after)))
+    share, name, given, left = max(lost)
+    return [f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of "
+            f"{_rounded(given)}{unit}"] * (share > LOST)
 
 
 def _slips(face: Face, units: Mapping[str, str]) -> str:

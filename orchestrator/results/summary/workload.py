@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from orchestrator.blackbox.usage import CLOCKS, Activity, Usage, since
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import memory_peak_mb
@@ -46,26 +48,24 @@ class Workload:
 
     def end(self, period: str) -> None:
         """Record what has happened since the last call under this name."""
-        then, self._then = self._then, self._now()
-        (begin, cpu, waited, messages, sent, reductions), stages, workers = then
-        now, rank = self._then[0], self.team.rank
-        wall, waited = now[0] - begin, now[2] - waited
-        spent = {
-            name: [late - early for late, early in zip(measured, stages.get(name, (0.0, 0, 0.0)))]
-                 for name, measured in self._then[1].items()}
-        self.record[period] = {"seconds": wall,
-            "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds,
+        then, now = self._then, self._now()
+        self._then, rank, (clocks, stages, workers) = now, self.team.rank, then
+        wall, cpu, waited, messages, sent, reductions = np.subtract(now[0], clocks).tolist()
+        spent = {name: np.subtract(measured, stages.get(name, (0.0, 0, 0.0))).tolist()
+                 for name, measured in now[1].items()}
+        busy = [since(late, early) for late, early in zip(now[2], workers)]
+        took = [sum(own[clock] for clock in CLOCKS) for own in busy]
+        self.record[period] = {
+            "seconds": wall,
+            "stages": [{"rank": rank, "stage": name, "calls": int(calls), "seconds": seconds,
                         "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
-            "workers": [{"rank": rank, **own, "seconds": took,
-                         "idle_share": (own["waiting"] + own["idle"]) / took if took else 0.0}
-                        for late, early in zip(self._then[2], workers)
-                        for own in [since(late, early)]
-                        for took in [sum(own[clock] for clock in CLOCKS)]],
-            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited,
-                       "idle_share": waited / wall,
-                       "messages": now[3] - messages, "reductions": now[5] - reductions,
-                       "bytes": now[4] - sent,
+            "workers": [{"rank": rank, **own, "seconds": all_,
+                         "idle_share": (own["waiting"] + own["idle"]) / all_ if all_ else 0.0}
+                        for own, all_ in zip(busy, took)],
+            "ranks": [{"rank": rank, "seconds": wall, "cpu": cpu, "waiting": waited,
+                       "idle_share": waited / wall, "messages": int(messages),
+                       "reductions": int(reductions), "bytes": int(sent),
                        "memory_peak_mb": memory_peak_mb()}]}
 
     def _now(self) -> tuple[tuple, dict[str, tuple[float, int, float]], list[Activity]]:
@@ -76,8 +76,7 @@ class Workload:
         return ((time.perf_counter(), time.process_time(), team.waited, team.messages, team.bytes,
                  team.reductions),
                 {name: (watch.seconds[name], watch.calls[name], watch.waiting[name])
-                 for name in list(watch.seconds)},
-                self.usage.activity())
+                 for name in list(watch.seconds)}, self.usage.activity())
 
 
 def joined(records: Sequence[Record]) -> Record:
@@ -92,12 +91,11 @@ def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
     result: dict[int, dict] = {}
     for number, entry in sorted((item for codes in ranks for item in codes.items()),
                                 key=lambda item: item[0]):
-        known = result.setdefault(number, {**entry, "models": 0, "workers": 0, "compliances": [],
-                                           "seconds": dict.fromkeys(entry["seconds"], 0.0)})
-        for key in ("models", "workers", "compliances"):
-            known[key] = known[key] + entry[key]
-        known["seconds"] = {kind: known["seconds"][kind] + spent
-                            for kind, spent in entry["seconds"].items()}
+        known = result.get(number)
+        result[number] = entry if known is None else known | {
+            key: known[key] + entry[key] for key in ("models", "workers", "compliances")} | {
+            "seconds": {kind: known["seconds"][kind] + spent
+                        for kind, spent in entry["seconds"].items()}}
     return result
 
 
@@ -142,14 +140,13 @@ class Spent:
 
 def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
     """The use of all ranks, under the keys of summary.json."""
-    codes = codes_of_all([rank.codes for rank in ranks])
-    for number, entry in codes.items():
-        entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]
+    codes = [entry | {"subdomains": [s.index for s in scene.subdomains if s.code == number]}
+             for number, entry in codes_of_all([rank.codes for rank in ranks]).items()]
     return {
         "timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks)
                                 for work in ranks[0].clock}},
-        "asking_seconds": max(rank.asked for rank in ranks), "codes": list(codes.values()),
-        "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
+        "asking_seconds": max(rank.asked for rank in ranks), "codes": codes,
+        "versions": versions({entry["code"]: entry["version"] for entry in codes}),
         "workload": joined([rank.workload for rank in ranks]),
         "workers": sum(rank.workers for rank in ranks),
         "memory_peak_mb": sum(rank.memory_mb for rank in ranks),
