@@ -32,7 +32,7 @@ from orchestrator.optional import check_there, need
 # Sums may be formed in any order that the compiler likes, which is the same in every call; nan and
 # inf stay what they are.
 SUMS = {"reassoc", "contract"}
-LOOPS = re.compile(rb"^@(compiled|intrinsic|numba\.)", re.MULTILINE)  # in modules that have some
+LOOPS = re.compile(rb"^@(compiled|numba\.)", re.MULTILINE)  # in modules that have some
 
 
 class Compiled:

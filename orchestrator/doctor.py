@@ -12,7 +12,7 @@ from pathlib import Path
 
 from orchestrator.compiled import kept_in
 from orchestrator.config.load import load_config
-from orchestrator.method.interface import cholmod
+from orchestrator.method.sparse import cholmod
 from orchestrator.optional import absent, command, WANTED
 from orchestrator.parallel import petsc
 from orchestrator.solving import solve

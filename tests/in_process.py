@@ -23,7 +23,7 @@ from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.method.interface.factor import by_cholesky, by_superlu
+from orchestrator.method.sparse.symmetric import by_cholesky, by_superlu
 from orchestrator.registry import CODES
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "elastoplastic.py"

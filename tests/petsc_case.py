@@ -8,7 +8,7 @@ from ranks_case import found
 from threads import chain
 
 from orchestrator.method.interface import spread
-from orchestrator.method.interface.factor import whole
+from orchestrator.method.sparse.symmetric import whole
 from orchestrator.parallel.petsc import lacking, shared_by
 from orchestrator.launch import join
 

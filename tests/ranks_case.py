@@ -12,9 +12,7 @@ from in_process import IN_PROCESS
 from orchestrator.accuracy.loop import run as accuracy
 from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
-from orchestrator.method.coarse import elimination, layout
-from orchestrator.method.coarse.assembly import Assembly
-from orchestrator.method.coarse.pattern import BlockPattern
+from orchestrator.method.sparse.blocks import BlockPattern
 from orchestrator.launch import join
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import STRESS
@@ -334,41 +332,22 @@ def lattice(n: int) -> tuple[np.ndarray, int]:
     return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
 
 
-def values(pattern: BlockPattern, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Sums of pairs' blocks, and of the bodies' own."""
-    result = pattern.summed(pairs)
-    result[pattern.diagonal] += own
-    return result
-
-
 def eliminate(team: Team) -> None:
-    """Interfaces of a lattice are dealt to ranks: all have some of the fronts, and the same bits of one process's solution."""
+    """Interfaces of a lattice are dealt to ranks: all have the solution of one process, the same bits each."""
     ends, bodies = lattice(5)
     rng = np.random.default_rng(8)
     slopes, own = rng.normal(size=(len(ends), 2, 2, SIZE, SIZE)), 20 * np.eye(SIZE) + rng.normal(size=(bodies, SIZE, SIZE))
-    right, counts = rng.normal(size=(bodies, SIZE)), np.bincount(rng.integers(team.size, size=len(ends)), minlength=team.size)
-    made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)))
-    mine = slice(counts[: team.rank].sum(), counts[: team.rank + 1].sum())
-    found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
-    whole = BlockPattern(ends, bodies, SIZE)
-    assert np.abs(found - whole.factors(values(whole, slopes, own), 0.1).solve(right)).max() < 1e-12
-    assert all(len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size))
+    right, mine = rng.normal(size=(bodies, SIZE)), rng.integers(team.size, size=len(ends)) == team.rank
+    pattern, whole = BlockPattern(ends[mine], bodies, SIZE, team), BlockPattern(ends, bodies, SIZE)
+    found = pattern.factors(pattern.values(slopes[mine], own), 0.1).solve(right)
+    assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
     assert len(set(team.all_gather(found.tobytes()))) == 1
-    with patch("orchestrator.method.coarse.elimination.WORTH", 0.0):  # rigid motions alone
-        made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)), rigid=1)
-        found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
-        whole = BlockPattern(ends, bodies, SIZE, rigid=1)
-        assert whole.first == 1 and len(set(team.all_gather(found.tobytes()))) == 1
-        assert np.abs(found - whole.factors(values(whole, slopes, own), 0.1).solve(right)).max() < 1e-12
 
 
 if __name__ == "__main__":
     ranks = join()
-    if ranks.size != 3:  # the coarse problem of few bodies is eliminated by several ranks too
-        layout.WORTH_RANKS = elimination.OWN_CALLS = elimination.PASSED = 0.0
     with ranks.together():
-        if ranks.size != 3:
-            eliminate(ranks)
+        eliminate(ranks)
         for case in sys.argv[2:]:
             if case in AGAIN:
                 again(case, Path(sys.argv[1]), ranks)

@@ -58,7 +58,7 @@ def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch
     for number in (0, 1):  # tightened, locked
         step = LoadStep(problem.bodies, number, F0, resultant, History(before))
         step.residual(y)
-        matrix = problem.bodies.pattern.matrix(step.matrix(), 0.0).toarray()
+        matrix = problem.bodies.pattern.matrix(step.matrix()).toarray()
         found = (step.residual(y + change) - step.residual(y - change)) / 2
         assert matrix @ change.ravel() == pytest.approx(found.ravel(), abs=1e-6 * np.abs(found).max())
 

@@ -66,10 +66,10 @@ def test_the_first_half_of_affine_fields_is_rigid_and_may_be_eliminated_alone(mo
     for part in d.coarse.parts:  # every rigid motion is one of the first six fields', U k Uᵀ = 1
         shares = one[:6, part] @ rigid.coarse.response.U[:, part].T
         assert shares @ shares.T == pytest.approx(np.eye(6), abs=1e-9)
-    assert d.coarse.problem.bodies.pattern.first == 12
+    assert d.coarse.problem.bodies.pattern.elimination.size == 12
     expected = converged(config).displacement
-    monkeypatch.setattr("orchestrator.method.coarse.elimination.WORTH", 0.0)
-    assert decomposed(config).coarse.problem.bodies.pattern.first == 6
+    monkeypatch.setattr("orchestrator.method.sparse.fronts.WORTH", 0.0)
+    assert decomposed(config).coarse.problem.bodies.pattern.elimination.size == 6
     assert converged(config).displacement == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 
 

@@ -5,25 +5,25 @@ import threading
 
 import numpy as np
 import pytest
-from ranks_case import SIZE, lattice, values as summed
+from ranks_case import lattice, SIZE
 
-from orchestrator.method.coarse import elimination, layout, rigid_first
-from orchestrator.method.coarse.elimination import Elimination
-from orchestrator.method.coarse.pattern import BlockPattern
+from orchestrator.method.sparse import fronts, rigid_first
+from orchestrator.method.sparse.blocks import BlockPattern
+from orchestrator.method.sparse.fronts import Elimination
 from orchestrator.compiled import compiled, kept_in, made_of
 
-@pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
+@pytest.mark.parametrize("calls", [0.0, 1e3, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     """Whatever fronts are made of."""
-    monkeypatch.setattr(elimination, "OWN_CALLS", calls)
-    monkeypatch.setattr(elimination, "PASSED", min(calls, elimination.PASSED))
+    monkeypatch.setattr(fronts, "OWN_CALLS", calls)
+    monkeypatch.setattr(fronts, "PASSED", min(calls, fronts.PASSED))
     ends, bodies = lattice(4)
     rng = np.random.default_rng(2)
     pattern = BlockPattern(ends, bodies, SIZE)
     # neither symmetric nor definite
     pairs, own = rng.normal(size=(len(ends), 2 * SIZE, 2 * SIZE)), 9 * rng.normal(size=(bodies, SIZE, SIZE))
-    values = summed(pattern, pairs.reshape(-1, 2, SIZE, 2, SIZE).swapaxes(2, 3), own)
-    dense = pattern.matrix(values, 0.25).toarray()
+    values = pattern.values(pairs.reshape(-1, 2, SIZE, 2, SIZE).swapaxes(2, 3), own)
+    dense = pattern.matrix(values).toarray() + 0.25 * np.eye(SIZE * bodies)
     expected = 0.25 * np.eye(SIZE * bodies)
     for e, block in enumerate(own):
         expected[SIZE * e: SIZE * (e + 1), SIZE * e: SIZE * (e + 1)] += block
@@ -32,33 +32,14 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
         expected[np.ix_(rows, rows)] += block
     assert dense == pytest.approx(expected)
     elimination_of = Elimination(pattern.indptr, pattern.indices, SIZE)
-    factors = elimination_of.factors(pattern.matrix(values, 0.25).data)
+    factors = elimination_of.factors(values, 0.25)
     count = len(elimination_of.fronts)
     assert count == 4 if calls == np.inf else count > (10 if calls else 30)
     right = rng.normal(size=(bodies, SIZE))
     assert factors.solve(right).ravel() == pytest.approx(np.linalg.solve(dense, right.ravel()), rel=1e-8)
-    again = elimination_of.factors(pattern.matrix(values, 0.25).data)
+    again = elimination_of.factors(values, 0.25)
     assert np.array_equal(again.solve(right), factors.solve(right))
     assert np.array_equal(pattern.factors(values, 0.25).solve(right), factors.solve(right))
-
-
-@pytest.mark.parametrize("cores", [2, 4])
-def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
-    """Whatever the number of cores; each front is eliminated once, after those that it takes from."""
-    ends, bodies = lattice(6)
-    pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(5)
-    values, right = rng.normal(size=(len(pattern.indices), SIZE, SIZE)), rng.normal(size=(bodies, SIZE))
-    alone = pattern.factors(values, 20.0).solve(right)
-    monkeypatch.setattr(layout, "WORTH", 0.0)
-    monkeypatch.setattr(elimination, "cores", lambda: cores)
-    other = BlockPattern(ends, bodies, SIZE)
-    made, (order, bounds, _) = other.elimination, other.elimination.shared
-    assert len(bounds) > cores and np.array_equal(np.sort(order), np.arange(len(made.fronts)))
-    place, above = np.argsort(order), made.layout.parent
-    assert (place[above >= 0] < place[above[above >= 0]]).all()
-    run = np.searchsorted(bounds, place, side="right")
-    assert ((run == run[above]) | (run[above] == len(bounds) - 1))[above >= 0].all(), "subtrees share nothing"
-    assert np.array_equal(other.factors(values, 20.0).solve(right), alone)
 
 
 def stretched(rng, pattern):
@@ -72,16 +53,16 @@ def stretched(rng, pattern):
 def test_rigid_motions_are_eliminated_and_stretches_follow(monkeypatch):
     """Nothing is left in rigid motions, a loose body's included, and a share elsewhere, as small as it is asked for."""
     ends, bodies = lattice(6)
-    monkeypatch.setattr("orchestrator.method.coarse.elimination.WORTH", 0.0)
+    monkeypatch.setattr(fronts, "WORTH", 0.0)
     pattern, rng = BlockPattern(ends, bodies, SIZE, rigid=1), np.random.default_rng(6)
     values, right = stretched(rng, pattern), rng.normal(size=(bodies, SIZE))
     right[-1] = 1e-6
-    matrix, factors = pattern.matrix(values, 0.0), pattern.factors(values, 0.0)
+    matrix, factors = pattern.matrix(values), pattern.factors(values, 0.0)
     for share in (rigid_first.ENOUGH, 1e-3):
         monkeypatch.setattr(rigid_first, "ENOUGH", share)
         found = factors.solve(right)
         left = (right.ravel() - matrix @ found.ravel()).reshape(right.shape)
-        assert pattern.first == 1 and 1e-9 < np.linalg.norm(left) / np.linalg.norm(right) <= share
+        assert pattern.elimination.size == 1 and 1e-9 < np.linalg.norm(left) / np.linalg.norm(right) <= share
         assert np.abs(left[:, 0]).max() < 1e-12 and found[-1, 0] == pytest.approx(1.0, rel=1e-9)
     exact = np.linalg.solve(matrix.toarray(), right.ravel()).reshape(right.shape)
     assert np.linalg.norm(found - exact) < 1e-2 * np.linalg.norm(exact)
@@ -96,8 +77,8 @@ def test_a_pivot_that_vanishes_is_told():
 def test_machine_code_is_that_of_all_loops_as_they_are_written(tmp_path):
     """What a loop takes from another module goes along into its machine code."""
     made = []
-    for name, text in [("loops", "@compiled\n"), ("called", "@intrinsic\n"), ("plain", ""), ("loops", "@compiled\n\n"),
-                       ("called", "\n@intrinsic\n"), ("plain", "print()\n")]:
+    for name, text in [("loops", "@compiled\n"), ("called", "@numba.njit\n"), ("plain", ""), ("loops", "@compiled\n\n"),
+                       ("called", "\n@numba.njit\n"), ("plain", "print()\n")]:
         (tmp_path / f"{name}.py").write_text(text)
         made.append(made_of.__wrapped__(tmp_path))
     assert made[1] == made[2] and made[4] == made[5] and len(set(made)) == 4

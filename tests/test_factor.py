@@ -8,14 +8,14 @@ import pytest
 import scipy.sparse as sp
 
 from orchestrator.errors import Refusal
-from orchestrator.method.interface import cholmod, factor
-from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, semidefinite_solver
+from orchestrator.method.sparse import cholmod, symmetric
+from orchestrator.method.sparse.symmetric import by_cholesky, by_superlu, factorise, semidefinite_solver
 from orchestrator.method.linear.macro import Macro
 from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern
 
 needs_cholmod = pytest.mark.skipif(cholmod.library() is None, reason="no CHOLMOD here")
-SIDE = 6  # cubes along it: 3,240 unknowns, beyond ``factor.ORDERED``
+SIDE = 6  # cubes along it: 3,240 unknowns, beyond ``symmetric.ORDERED``
 
 
 def lower(matrix):
@@ -25,13 +25,13 @@ def lower(matrix):
 @pytest.fixture(scope="module")
 def macro():
     matrix = macro_pattern(SIDE)
-    assert matrix.shape[0] > factor.ORDERED
+    assert matrix.shape[0] > symmetric.ORDERED
     return matrix
 
 
 @pytest.fixture(params=["CHOLMOD", "SuperLU"])
 def solver(request, monkeypatch):
-    """What ``Factor`` takes."""
+    """What ``factorise`` takes."""
     if request.param == "SuperLU":
         monkeypatch.setattr(cholmod, "library", lambda: None)
     elif cholmod.library() is None:
@@ -43,8 +43,8 @@ def solver(request, monkeypatch):
 def test_solutions_do_not_depend_on_the_solver(macro, solver, steps):
     wanted = np.random.default_rng(1).standard_normal((steps, macro.shape[0]))
     right = (macro @ wanted.T).T
-    assert np.abs(Factor(macro)(right) - wanted).max() <= 1e-12
-    assert np.abs(Factor(macro[:50][:, :50])(right[:, :50]) - np.linalg.solve(macro[:50][:, :50].toarray(),
+    assert np.abs(factorise(macro)(right) - wanted).max() <= 1e-12
+    assert np.abs(factorise(macro[:50][:, :50])(right[:, :50]) - np.linalg.solve(macro[:50][:, :50].toarray(),
                                                                              right[:, :50].T).T).max() <= 1e-12
 
 
@@ -58,10 +58,10 @@ def test_a_matrix_that_rounding_has_made_indefinite_is_solved_all_the_same(solve
     rotation = np.linalg.qr(np.random.default_rng(2).standard_normal((6, 6)))[0]
     matrix = rotation @ np.diag([1.0, 2.0, 3.0, 4.0, 5.0, -1e-13]) @ rotation.T
     right = matrix @ np.ones(6)
-    assert np.abs(matrix @ Factor(sp.csr_array(matrix))(right[None])[0] - right).max() <= 1e-12
+    assert np.abs(matrix @ factorise(sp.csr_array(matrix))(right[None])[0] - right).max() <= 1e-12
 
 
-@pytest.mark.parametrize("size", [40, factor.ORDERED + 1])
+@pytest.mark.parametrize("size", [40, symmetric.ORDERED + 1])
 def test_singular_systems_that_have_a_solution_are_solved(solver, size):
     """A chain of springs that nothing holds, loaded in balance."""
     springs = sp.diags_array([np.ones(size - 1), -np.ones(size - 1)], offsets=[0, 1], shape=(size - 1, size))
@@ -75,11 +75,11 @@ def test_singular_systems_that_have_a_solution_are_solved(solver, size):
 def test_a_solver_that_gets_it_wrong_is_not_trusted(macro, monkeypatch):
     if cholmod.library() is None:
         pytest.skip("no CHOLMOD here")
-    monkeypatch.setattr(factor, "sound", lambda lower, solve: False)
+    monkeypatch.setattr(symmetric, "sound", lambda lower, solve: False)
     assert by_cholesky(lower(macro)) is None
     monkeypatch.undo()
-    assert factor.sound(lower(macro), by_superlu(lower(macro)))
-    assert not factor.sound(lower(macro), lambda right: by_superlu(lower(macro))(right) * (1 + 1e-6))
+    assert symmetric.sound(lower(macro), by_superlu(lower(macro)))
+    assert not symmetric.sound(lower(macro), lambda right: by_superlu(lower(macro))(right) * (1 + 1e-6))
 
 
 @needs_cholmod

@@ -16,8 +16,8 @@ from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface import cholmod
-from orchestrator.method.interface.factor import is_semidefinite
+from orchestrator.method.sparse import cholmod
+from orchestrator.method.sparse.symmetric import is_semidefinite
 from orchestrator.method.linear.answers import check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import assemble_rims
 from orchestrator.registry import CODES

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from threads import among, chain
 
-from orchestrator.method.interface.factor import whole
+from orchestrator.method.sparse.symmetric import whole
 from orchestrator.method.interface.spread import SpreadFactor, semidefinite
 
 

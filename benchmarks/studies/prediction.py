@@ -34,7 +34,7 @@ from benchmarks.kit.commands import codes_seconds
 from orchestrator import build_scene
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
-from orchestrator.method.interface.factor import by_cholesky
+from orchestrator.method.sparse.symmetric import by_cholesky
 from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import RankPart, make_soles_of

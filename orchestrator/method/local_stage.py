@@ -32,7 +32,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import BONDED
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.sparse.symmetric import factorise
 from orchestrator.method.interface.node_groups import NodeGroups
 from orchestrator.method.interface.node_stage import NodeStage
 from orchestrator.method.interface.pairs import History, Pairs
@@ -181,7 +181,7 @@ class Exchange:
             k, other = other, k
         if not (k - other).count_nonzero():  # symmetric soles: one factorisation serves both
             return k, other, lambda rows: 0.5 * self.direction.solve(rows)
-        return k, other, Factor(sp.csr_array(k + other), patches=True)
+        return k, other, factorise(sp.csr_array(k + other), patches=True)
 
 
 class LawStage:

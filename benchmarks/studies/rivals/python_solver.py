@@ -23,7 +23,7 @@ class Enough(Exception):
 
 
 def cholmod(matrix, load, nodes, note):
-    from orchestrator.method.interface.cholmod import factorised
+    from orchestrator.method.sparse.cholmod import factorised
 
     factor = factorised(sp.tril(matrix, format="csc"), "metis")
     return factor(load), factor

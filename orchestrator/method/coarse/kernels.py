@@ -83,10 +83,9 @@ def carried(start, stop, of, force, weight, result):
 
 
 @compiled
-def slopes(start, stop, of, A, given, weight, wanted, result):
-    """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of those interfaces from start to stop that
-    are wanted (I,) bool, blocks of the two
-    bodies.
+def slopes(start, stop, of, A, given, weight, result):
+    """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of the interfaces from start to stop, blocks
+    of the two bodies.
 
     of : as for ``carried``; A : the same in L's precision, that of all sums
     given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each
@@ -98,8 +97,6 @@ def slopes(start, stop, of, A, given, weight, wanted, result):
     fields, share, whole = np.empty((3 * TOGETHER, size),
                                     L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
     for i in range(start, stop):
-        if not wanted[i]:
-            continue
         if first[i] == first[i + 1]:
             result[i] = 0.0
             continue
@@ -132,61 +129,3 @@ def slopes(start, stop, of, A, given, weight, wanted, result):
                 for f in range(half):
                     for g in range(half):
                         result[i, row, column, f, g] = whole[row * half + f, column * half + g]
-
-
-@compiled
-def changed(start, stop, bounds, given, kept, result):
-    """result (I,) bool: interfaces from start to stop with a point where ∂f̂/∂F is another than
-    what is ``kept`` (3, 3, Q), which takes over
-    that of all their points.
-
-    bounds, given : as for ``slopes``
-    """
-    active, first, derivative = given
-    for i in range(start, stop):
-        result[i] = False
-        for copied in range(2):
-            r = first[i]
-            for q in range(bounds[i], bounds[i + 1]):
-                here = r < first[i + 1] and active[r] == q
-                for c in range(3):
-                    for d in range(3):
-                        value = derivative[c, d, r] if here else 0.0
-                        if copied:
-                            kept[c, d, q] = value
-                        elif value != kept[c, d, q]:
-                            result[i] = True
-                if here:
-                    r += 1
-            if not result[i]:
-                break
-
-
-@compiled
-def formed(start, stop, sums, changed, slopes, affine, values, stale):
-    """values (k, n, n) = affine − Σ slopes of the blocks from start to stop into which slopes go
-    that have changed; these are stale (k,).
-
-    sums : (k + 1,) int, where what goes into each block begins in (·,) int, places in slopes (4 I,
-        n, n)
-    changed : (I,) bool
-    """
-    starts, places = sums
-    size = values.shape[1]
-    total = np.empty((size, size))
-    for b in range(start, stop):
-        wanted = False
-        for k in range(starts[b], starts[b + 1]):
-            wanted |= changed[places[k] // 4]
-        if not wanted:
-            continue
-        total[:] = 0.0
-        for k in range(starts[b], starts[b + 1]):
-            part = slopes[places[k]]
-            for f in range(size):
-                for g in range(size):
-                    total[f, g] += part[f, g]
-        stale[b] = True
-        for f in range(size):
-            for g in range(size):
-                values[b, f, g] = affine[b, f, g] - total[f, g]

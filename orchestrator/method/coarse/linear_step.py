@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.group_fields import GroupFields
 from orchestrator.method.coarse.load_step import Bodies
 from orchestrator.method.coarse.newton import LEAST, search
@@ -23,6 +22,7 @@ from orchestrator.method.coarse.responses import Responses
 from orchestrator.method.interface.node_groups import NodeGroups
 from orchestrator.method.interface.node_stage import NodeStage
 from orchestrator.method.interface.pairs import History
+from orchestrator.method.sparse.blocks import BlockPattern
 
 SPRINGS = 1e-3  # ε; ten times more or less makes two iterations of a hundred
 STEPS, ENOUGH = 4, 0.1  # at most, and ‖ρ‖ left over that at the start
@@ -33,13 +33,13 @@ ROUNDING = 1e-14  # of what forces do in the fields, below which ρ is noise
 class LinearSteps:
     """Matrices and fields that load steps have in common.
 
-    bodies : of the coarse problem; assembly : of the matrices
+    bodies : of the coarse problem; pattern : of the matrices
     grouped : fields at pairs that answer together; None where there are none here
     alone : (P,) 1 at pairs that this rank adds up and that answer alone, else 0
     """
 
     bodies: Bodies
-    assembly: Assembly
+    pattern: BlockPattern
     grouped: GroupFields | None
     alone: np.ndarray
 
@@ -52,15 +52,12 @@ class LinearSteps:
     def of(cls, bodies: Bodies, groups: NodeGroups | None, response: Responses) -> LinearSteps:
         """Return the steps; all ranks ask together, or none has groups."""
         grouped = None if groups is None else GroupFields.of(groups, bodies, response)
-        alone, fields, team = bodies.theirs.astype(float), bodies.fields, bodies.team
+        alone, fields = bodies.theirs.astype(float), bodies.fields
         pairs = fields.ends[bodies.counted] if grouped is None else grouped.pairs
         if groups is not None:
             alone[groups.chosen] = 0.0
-        each = team.all_gather(pairs)
-        assembly = Assembly(team, np.concatenate(each), list(map(len, each)), fields.count,
-                            fields.size,
-                            np.lexsort(np.sort(np.concatenate(each), axis=1).T))
-        return cls(bodies, assembly, grouped, alone)
+        return cls(bodies, BlockPattern(pairs, fields.count, fields.size, bodies.team), grouped,
+                   alone)
 
 
 class NodeStep:
@@ -101,10 +98,8 @@ class NodeStep:
         return self.resultant + np.einsum("bij,bj->bi", bodies.K0, y) - carried
 
     def matrix(self) -> np.ndarray:
-        """Return values of the matrix at the last fields, of the blocks that enter this rank's
-        fronts.
-        """
-        fields, grouped, assembly = self.of.bodies.fields, self.of.grouped, self.of.assembly
+        """Return values of the matrix at the last fields."""
+        fields, grouped = self.of.bodies.fields, self.of.grouped
         answer = fields.pairs.force(self.F, self.before, self.number, derivative=True)
         every = np.arange(self.F.shape[1])
         slopes = fields.slopes(replace(answer, active=every,
@@ -119,13 +114,13 @@ class NodeStep:
                                 derivative=True)
             grouped.add(laws.slopes(answer, SPRINGS), result)
             slopes = result
-        return assembly.values(-slopes.astype(fields.all_L.dtype), self.of.bodies.K0)
+        return self.of.pattern.values(-slopes.astype(fields.all_L.dtype), self.of.bodies.K0)
 
     def taken(self) -> int:
         """Take steps until ‖ρ‖ is a tenth of what it was; how many, 0 if it does not come to
         that.
         """
-        size, pattern = self.start, self.of.assembly.pattern
+        size, pattern = self.start, self.of.pattern
         for number in range(1, STEPS + 1):
             dy = -pattern.factors(self.matrix(), LEAST).solve(self.rho)
             length, work = 1.0, np.vdot(dy, self.rho)

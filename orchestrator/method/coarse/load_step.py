@@ -19,12 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.assembly import Assembly
-from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.pair_fields import PairFields
-from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.method.interface.pairs import History
+from orchestrator.method.sparse.blocks import BlockPattern, SharedFactors
 from orchestrator.parallel.team import Team
 
 
@@ -36,10 +33,10 @@ class Bodies:
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
-    assembly : of the Newton matrices
+    pattern : of the Newton matrices
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, of the blocks that enter this rank's fronts
+    affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, the pattern's blocks
     """
 
     team: Team
@@ -47,15 +44,10 @@ class Bodies:
     K0: np.ndarray
     counted: np.ndarray
     theirs: np.ndarray
-    assembly: Assembly
+    pattern: BlockPattern
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray
-
-    @property
-    def pattern(self) -> BlockPattern:
-        """Of the Newton matrices."""
-        return self.assembly.pattern
 
     @cached_property
     def resisting(self) -> np.ndarray:
@@ -71,19 +63,13 @@ class Bodies:
     @classmethod
     def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray,
            rigid: int = 0) -> Bodies:
-        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the
-        bodies of this rank. ``rigid`` : as
-        for ``BlockPattern``."""
+        """Deal out the interfaces; ``own`` are the bodies of this rank. ``rigid`` : as for
+        ``BlockPattern``.
+        """
         chosen = dealt(team, own, fields)
         counted, theirs = np.flatnonzero(chosen), np.repeat(chosen, np.diff(fields.pairs.bounds))
-        mine = [fields.pairs.interfaces[i] for i in counted]
-        each = team.all_gather([(i.index, *i.subdomains) for i in mine])
-        everyones = sum(each, [])
-        order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
-        ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order,
-                            rigid)
-        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None,
+        pattern = BlockPattern(fields.ends[counted], fields.count, fields.size, team, rigid)
+        return cls(team, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None,
                    None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
@@ -96,10 +82,9 @@ class Bodies:
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every,
                                           np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    epsilon)[counted]
-            here = BlockPattern(fields.ends[counted], fields.count, fields.size)
-            springs = here.matrix(here.summed(slopes), 0.0)
+            springs = self.pattern.matrix(self.pattern.summed(slopes))
         return replace(self, fields=fields, weight=weight, springs=springs,
-                       affine=self.assembly.values(-slopes, self.K0))
+                       affine=self.pattern.values(-slopes, self.K0))
 
 
 class LoadStep:
@@ -158,14 +143,14 @@ class LoadStep:
         return self.resultant + self.stiff - carried
 
     def matrix(self) -> np.ndarray:
-        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this
-        rank's fronts.
-        """
-        return self.bodies.assembly.matrix(self.bodies, self.answer(self.F, derivative=True))
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern."""
+        bodies = self.bodies
+        slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
+        return bodies.affine - bodies.pattern.values(slopes[bodies.counted])
 
-    def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
+    def factors(self, matrix: np.ndarray, shift: float) -> SharedFactors:
         """Of (matrix + shift), what solves with it."""
-        return self.bodies.assembly.factors(matrix, shift)
+        return self.bodies.pattern.factors(matrix, shift)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

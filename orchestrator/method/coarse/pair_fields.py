@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, changed, moved, slopes, spread
+from orchestrator.method.coarse.kernels import carried, moved, slopes, spread
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.interface import ends_of
 from orchestrator.linalg import svd
@@ -91,16 +91,6 @@ class PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
 
-    def touching(self, bodies: np.ndarray) -> tuple[np.ndarray, PairFields]:
-        """The pairs of interfaces that touch some of the bodies (k,) int, (R,) int among these, and
-        the fields at them.
-        """
-        touched = np.isin(self.ends, bodies).any(axis=1)
-        chosen = np.flatnonzero(np.repeat(touched, np.diff(self.pairs.bounds)))
-        of = {name: getattr(self, name)[touched] for name in ("ends", "places", "rows", "shapes")}
-        return chosen, replace(self, pairs=self.pairs.some(chosen).among(touched),
-                               chosen=self.chosen[chosen], **of)
-
     def with_springs(self, pairs: Pairs) -> PairFields:
         """The same fields at the same pairs, whose springs of stabilisation may be others."""
         result = copy(self)
@@ -161,45 +151,17 @@ class PairFields:
         return sp.csr_array((np.ones(sides), (self.ends.ravel(), np.arange(sides))),
                             shape=(self.count, sides))
 
-    def no_slopes(self) -> np.ndarray:
-        """(I, 2, 2, n, n) room for slopes."""
-        return np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
-
-    def slopes(self, answer: Answer, weight: np.ndarray, wanted: np.ndarray | None = None,
-               instead: np.ndarray | None = None) -> np.ndarray:
+    def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
         """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for
         ``carried``.
-
-        wanted : (I,) bool, of which interfaces; default: all
-        instead : those of the others, whose place these take
         """
-        result = self.no_slopes() if instead is None else instead
-        wanted = np.ones(len(result), bool) if wanted is None else wanted
-        part = self.part(SLOPES * len(answer.active)
-                         * np.count_nonzero(wanted) // max(1, len(wanted)))
-        in_parts(slopes, len(result), self._of, self.single, self._given(answer), weight, wanted,
-                 result, part=part)
+        result = np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
+        given = answer.active, np.searchsorted(
+            answer.active, self.pairs.bounds), np.ascontiguousarray(answer.derivative)
+        in_parts(slopes, len(result), self._of, self.single, given, weight, result,
+                 part=self.part(SLOPES * len(answer.active)))
         self._collective(answer, weight, result)
         return result
-
-    def changed(self, answer: Answer, kept: np.ndarray) -> np.ndarray:
-        """(I,) bool, interfaces whose ∂f̂/∂F is another than what was kept (3, 3, Q), which takes
-        it over; all that have
-        points that answer together."""
-        result = np.empty(len(self.ends), bool)
-        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), kept, result,
-                 part=self.part(len(self.chosen)))
-        if answer.collective is not None:
-            for at, _, _ in answer.collective.groups():
-                # and where they do so no more, the next time
-                result[self._interface(at)], kept[:, :, at] = True, np.inf
-        return result
-
-    def _given(self, answer: Answer) -> tuple[np.ndarray, ...]:
-        """Slopes as loops take them."""
-        return answer.active, np.searchsorted(answer.active,
-                                              self.pairs.bounds), np.ascontiguousarray(
-                                                  answer.derivative)
 
     def _interface(self, at: np.ndarray) -> int:
         """The one that points are of."""

@@ -17,8 +17,7 @@ points yⱼ₊₁ of the true laws,
 (Rockafellar, SIAM J. Control Optim. 14, 1976), which converge the faster the weaker springs become.
 
 Among ranks, what belongs to a body is formed by its rank, and interfaces are dealt out
-(``dealing``). Newton's matrices are added up (``assembly``) and eliminated by all ranks together
-where that is worth the messages (``subtrees``), by rank 0 where it is not.
+(``load_step.dealt``). Newton's matrices are summed over the ranks, and rank 0 eliminates them.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import dot, norm
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.sparse.symmetric import factorise
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import scattered
 from orchestrator.method.iterated import Iterated
@@ -200,7 +200,7 @@ def softest_modes(matrix: sp.csr_array, count: int) -> tuple[np.ndarray, np.ndar
     with the same eigenvalue, of which Lanczos' method misses some or breaks down.
     """
     n = matrix.shape[0]
-    inverse = Factor(sp.tril(matrix + FREE * sp.eye_array(n)))
+    inverse = factorise(sp.tril(matrix + FREE * sp.eye_array(n)))
     X = scattered(np.arange(n * count)).reshape(n, count)
     for _ in range(SWEEPS):
         X = np.linalg.qr(inverse(X.T).T)[0]

@@ -28,7 +28,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.sparse.symmetric import factorise
 from orchestrator.method.interface.rows import peak, unit_rows
 from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
@@ -121,7 +121,7 @@ def _constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.n
     gap, inner, free = (B @ lift.T).T, stiffness[loose][:, loose], B[:, loose]
     met = np.unique(free.indices)
     gamma = STIFF * float(np.mean(inner.diagonal()[met])) if len(met) else 1.0
-    solve = Factor(inner + gamma * (free.T @ free))
+    solve = factorise(inner + gamma * (free.T @ free))
     force, u = np.zeros((scene.steps, B.shape[0])), np.zeros((scene.steps, len(loose)))
     for _ in range(ROUNDS):
         rest = right - (inner @ u.T).T - (free.T @ (force + gamma * ((free @ u.T).T + gap)).T).T

@@ -122,12 +122,6 @@ class Pairs(Answering):
                        runs=self.runs_at(chosen),
                        stabilisation=springs, slid=self.slid[:, chosen])
 
-    def among(self, interfaces: np.ndarray) -> Pairs:
-        """The same points as those of some of the interfaces (I,) bool; the others have none."""
-        own = [i for i, kept in zip(self.interfaces, interfaces) if kept]
-        bounds = self.bounds[np.concatenate([[True], interfaces])]
-        return replace(self, interfaces=own, transfer=replace(self.transfer, bounds=bounds))
-
     @cached_property
     def lawful(self) -> Pairs:
         """The points of interfaces that are not perfect."""

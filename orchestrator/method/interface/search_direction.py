@@ -16,7 +16,7 @@ import scipy.sparse.linalg as sla
 from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models import both_alike, sole_model, sole_models
 from orchestrator.blackbox.protocol import BlackBox, Model
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.sparse.symmetric import factorise, Solve
 from orchestrator.method.interface.rows import eigenvalue, placed, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.timing import Savings
@@ -56,9 +56,9 @@ class SearchDirection:
         return SearchDirection(sp.diags_array(each) @ self.whole, self.space)
 
     @cached_property
-    def solve(self) -> Factor:
+    def solve(self) -> Solve:
         """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""
-        return Factor(self.k, patches=True)
+        return factorise(self.k, patches=True)
 
     def times(self, w: np.ndarray) -> np.ndarray:
         """(T, D) k⁻ w."""

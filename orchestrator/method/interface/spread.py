@@ -11,7 +11,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from orchestrator.method.interface.factor import Factor, regularised, semidefinite_solver
+from orchestrator.method.sparse.symmetric import factorise, regularised, semidefinite_solver
 from orchestrator.method.interface.rows import times
 from orchestrator.parallel.petsc import SpreadBlocks, shared_by
 from orchestrator.parallel.team import Team
@@ -48,7 +48,7 @@ class SpreadFactor:
     def __init__(self, lower: sp.csr_array, number: np.ndarray, shared: np.ndarray, team: Team):
         self._inside, self._border = np.flatnonzero(~shared), np.flatnonzero(shared)
         whole = lower + sp.tril(lower, -1).T
-        self._inner = Factor(whole[self._inside][:, self._inside])
+        self._inner = factorise(whole[self._inside][:, self._inside])
         self._coupling = whole[self._border][:, self._inside]  # A_SI
         left = whole[self._border][:, self._border].toarray()
         for a in range(0, len(left), COLUMNS):

@@ -35,7 +35,7 @@ from orchestrator.blackbox.models import body_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface.factor import is_semidefinite
+from orchestrator.method.sparse.symmetric import is_semidefinite
 from orchestrator.method.interface.rows import peak, ratio, ColumnSegments, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.loading import RimStiffness

@@ -26,7 +26,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.sparse.symmetric import factorise, Solve
 from orchestrator.method.interface.rows import block_diagonal, Blocks, bounds_of, digest, peak, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
@@ -185,7 +185,7 @@ class Macro:
         """(T, D) G α, the macro forces."""
         return times(self.G, alpha)
 
-    def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
+    def _solver(self, lower: sp.csr_array) -> Solve | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its
         failure means.
         """
@@ -193,7 +193,7 @@ class Macro:
         try:
             if lower.diagonal()[~self.shared].min(initial=np.inf) <= 0:
                 raise RuntimeError("a diagonal entry is not positive")
-            return Factor(lower) if team.size == 1 else SpreadFactor(
+            return factorise(lower) if team.size == 1 else SpreadFactor(
                 lower, self.number, self.shared, team)
         except RuntimeError as error:
             raise Refusal("singular macro problem", why=error) from error

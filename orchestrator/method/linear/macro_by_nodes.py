@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.interface.factor import regularised
+from orchestrator.method.sparse.symmetric import regularised
 from orchestrator.method.interface.rows import digest, peak, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.coarse_nodes import coarse_fields

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.factor import semidefinite_solver
+from orchestrator.method.sparse.symmetric import semidefinite_solver
 from orchestrator.method.interface.rows import bounds_of, ratio, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.method.interface import cholmod
+from orchestrator.method.sparse import cholmod
 from orchestrator.optional import absent
 from orchestrator.linalg import dissection, symmetric_lu
 
@@ -27,26 +27,26 @@ ORDERED = 2000
 # the matrix is conditioned.
 BACKWARD = 1e-11
 
-Solve = Callable[[np.ndarray], np.ndarray]  # right-hand sides (n, T) to solutions
+Solve = Callable[[np.ndarray], np.ndarray]  # right-hand sides to solutions
 
 
-class Factor:
-    """Solves with a symmetric positive definite sparse matrix, factorised once.
+def factorise(lower: sp.sparray, patches: bool = False) -> Solve:
+    """Return what solves with a symmetric positive definite matrix: rows (T, n) of right-hand sides
+    to solutions (T, n).
 
     lower : (n, n) its lower triangle; what is above the diagonal is not looked at
     patches : it has a block for each of many small surfaces: minimum degree finds their order in a
         tenth of the time
     Raises RuntimeError: it is singular
     """
+    lower = sp.tril(lower, format="csc")
+    return by_rows(np.array if not lower.shape[0] else by_cholesky(
+        lower, "amd" if patches else "metis") or by_superlu(lower))
 
-    def __init__(self, lower: sp.sparray, patches: bool = False):
-        lower = sp.tril(lower, format="csc")
-        self._solve = np.array if not lower.shape[0] else by_cholesky(
-            lower, "amd" if patches else "metis") or by_superlu(lower)
 
-    def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Solutions (T, n) for rows (T, n) of right-hand sides."""
-        return np.ascontiguousarray(self._solve(rows.T).T)
+def by_rows(solve: Solve) -> Solve:
+    """Return the same for rows (T, n) in place of columns (n, T)."""
+    return lambda rows: np.ascontiguousarray(solve(rows.T).T)
 
 
 def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
@@ -108,7 +108,7 @@ def semidefinite_solver(matrix: sp.sparray) -> Solve:
     solve = by_cholesky(shifted) or by_superlu(shifted)
     if not sound(shifted, solve):  # where rounding has made it indefinite, pivots have to be chosen
         solve = sla.splu(whole(shifted)).solve
-    return lambda rows: np.ascontiguousarray(solve(rows.T).T)
+    return by_rows(solve)
 
 
 def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
