@@ -54,6 +54,8 @@ class LocalState:
     lawful: np.ndarray | None = None
     jump: np.ndarray | None = None  # (T, 3, P) its jump d
     status: np.ndarray | None = None  # (T, P) int, what its law says it does
+    # (T, P) bool, pairs that stand for a group no forces of which its laws were found to allow
+    unsolved: np.ndarray | None = None
     # name → (T, P) the laws' own variables at the end of each load step
     own: dict[str, np.ndarray] = field(default_factory=dict)
     # the fields that it was made of at these pairs, for who measures it next
@@ -69,7 +71,8 @@ class LocalState:
     def steps(self, chosen: slice) -> LocalState:
         """The state at some of the load steps, where interfaces are not perfect."""
         return LocalState(self.s[chosen], tuple(x[chosen] for x in self.hats),
-                          *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status)),
+                          *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status,
+                                                self.unsolved)),
                           own={name: x[chosen] for name, x in self.own.items()})
 
     @classmethod
@@ -80,7 +83,8 @@ class LocalState:
         return cls(np.vstack([b.s for b in batches]),
                    tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
                    *(np.concatenate(parts)
-                     for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))),
+                     for parts in zip(*((b.force, b.lawful, b.jump, b.status, b.unsolved)
+                                        for b in batches))),
                    own={name: np.concatenate([b.own[name] for b in batches])
                         for name in batches[0].own})
 
@@ -248,7 +252,8 @@ class LawStage:
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
-        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
+        unsolved = np.zeros(status.shape, bool) if nodes is None else nodes.unsolved
+        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status, unsolved,
                           {name: np.stack([each[name] for each in own]) for name in own[0]}, at,
                           fields if met else None)
 
@@ -286,8 +291,11 @@ class LawStage:
         return fields
 
     def counts(self, local: LocalState) -> dict[str, int]:
-        """Per status that a law may give, this rank's pairs, summed over the steps."""
+        """Per status that a law may give, this rank's pairs, summed over the steps; and of its
+        groups, those that are unsolved.
+        """
         mine = self.pairs.mine
         found = local.status if mine.all() else local.status[:, mine]
-        return {status.name: int(np.count_nonzero(found == status))
-                for status in self.pairs.statuses if status != BONDED}
+        return {**{status.name: int(np.count_nonzero(found == status))
+                   for status in self.pairs.statuses if status != BONDED},
+                "unsolved": int(local.unsolved.sum())}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from orchestrator.errors import some
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.checks import checked
@@ -121,6 +122,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         contact = ContactFound(laws, stabilised(d, iterated),
                                open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
                                backward, lawful and shares(d, lawful, inside.energy))
+        iterated = replace(iterated, found={**iterated.found, "unsolved": unsolved(d, iterated)})
     # what has stopped by itself says why: far from an answer, or far away, rounding breaks guards
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside,
                            lawful) if iterated.converged else []
@@ -172,6 +174,20 @@ def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths,
                              body_residual(measured, lengths, d.space,
                                            judged_together(d.scene, bodies)))
     return laws
+
+
+def unsolved(d: Decomposition, iterated: Iterated) -> list[str]:
+    """A sentence where groups are left without forces that their laws allow, and what helps."""
+    found, count = iterated.local.unsolved, np.zeros(len(d.scene.interfaces))
+    for i, at in d.local.pairs.each():  # at which they begin
+        count[i.index] = found[:, at].any(axis=0).sum()
+    count, = d.space.team.sum(count)
+    names, total = [i.name for i, n in zip(d.scene.interfaces, count) if n], int(count.sum())
+    return [
+        f"{total} group{'s' * (total > 1)} of node pairs, where several bodies meet at one place, "
+        f"on {some(names)}: no forces were found that all their laws allow together; less friction "
+        "there, smaller load steps (method.increment=1), or a law that joins two of these bodies"
+    ] if total else []
 
 
 def _backward(d: Decomposition, iterated: Iterated, parts: Parts,

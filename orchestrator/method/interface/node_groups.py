@@ -31,6 +31,7 @@ class NodeGroups:
     behind : (R − r,) int, which of the points that other ranks tell of have
     laws : what the points answer; slid : (3, R) what B w lacks of their jumps
     group : (R,) int, of n groups, which is each point's
+    first : (n,) int, which of the rank's pairs each one's first point is; −1: it is another rank's
     sums : (3m, D) N of this rank's nodes; copies : (3m,) traces of each node's component
     reached : (3m,) bool, those that a point of a group acts on; the others are told to other ranks
         alone
@@ -45,6 +46,7 @@ class NodeGroups:
     laws: LawPoints
     slid: np.ndarray
     group: np.ndarray
+    first: np.ndarray
     sums: sp.csr_array
     copies: np.ndarray
     reached: np.ndarray
@@ -79,9 +81,13 @@ class NodeGroups:
         laws, here = known.laws.alone(chosen), np.flatnonzero(kept[:mine])
         felt = sp.csr_array(sp.eye_array(S.shape[0]) - pointwise(stiffness(laws)) @ S)
         sums = sp.csr_array(sums[nodewise(np.flatnonzero(own.own)[here])])
+        group = np.unique(label[chosen], return_inverse=True)[1].ravel()
+        turn = np.lexsort((*known.point[chosen].T[::-1], group))  # on all ranks the same one first
+        first = chosen[turn[np.flatnonzero(np.diff(group[turn], prepend=-1))]]
+        told = (first < count) & known.mine[first]
         return cls(own.place[chosen[chosen < count]], chosen[chosen >= count] - count, laws,
-                   known.slid[:, chosen],
-                   np.unique(label[chosen], return_inverse=True)[1].ravel(), sums,
+                   known.slid[:, chosen], group,
+                   np.where(told, own.place[np.where(told, first, 0)], -1), sums,
                    np.maximum(sums.sum(axis=1), 1),
                    np.repeat(reached[here], 3), block_diagonal(known.C[here]), B, felt, points,
                    replace(nodes, sends=nodewise(np.searchsorted(here, nodes.sends)),

@@ -30,14 +30,15 @@ class NodeStage:
     left : (2, T) sum of the squares of what this rank's nodes lack, and how many components these
         are
     rms : (T,) of all ranks; whoever asks for answers gives it first
-    left_over : groups whose laws did not come to hold, in all load steps so far
+    unsolved : (T, P) bool, pairs of which each stands for a group whose laws did not come to hold
     question, after : what was asked last, and what that leaves to the next load step
     """
 
     def __init__(self, groups: NodeGroups, pairs: Pairs, w: np.ndarray, f: np.ndarray,
                  before: History,
                  anchors: np.ndarray | None):
-        self.groups, self.numbers, self.left_over, steps = groups, pairs.numbers, 0, len(w)
+        self.groups, self.numbers, steps = groups, pairs.numbers, len(w)
+        self.unsolved = np.zeros((steps, len(pairs)), bool)
         size = groups.sums.shape[1]
         self.f_b = times(groups.sums, f[:, :size])
         z = times(groups.sums, w[:, :size]) / groups.copies - times(groups.C, self.f_b)
@@ -69,7 +70,8 @@ class NodeStage:
         self.question = question = Question(groups.laws, groups.group, groups.felt, before, anchor,
                                             number, start, enough)
         q, size = solved(question, self.q[t], groups.contact)
-        self.left_over += int((size > enough).sum())
+        told = groups.first >= 0
+        self.unsolved[t, groups.first[told]] = (size > enough)[told]
         F = question.predicted(q)
         answer = groups.laws.force(F, before, number)
         self.q[t] = q = groups.laws.settled(answer.force, F, anchor)[0]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from orchestrator.config.method import Method
 from orchestrator.errors import some
@@ -113,11 +114,9 @@ def settings(run: Stopped) -> Iterator[str]:
                  "sole.kind",
                  "sole.modulus_ratio", "sole.contact", "sole.contact_ratio",
                  "search_direction.kplus"):
-        value, default = method, _DEFAULTS
-        for key in path.split("."):
-            value, default = getattr(value, key), getattr(default, key)
-        if value != default:
-            changed.append(f"method.{path}={default}")
+        asked = attrgetter(path)
+        if asked(method) != asked(_DEFAULTS):
+            changed.append(f"method.{path}={asked(_DEFAULTS)}")
     if changed:
         yield (
             "settings differ from the defaults, which converge more widely: --set "
@@ -238,9 +237,12 @@ CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
 
 
 def advice(run: Stopped) -> list[str]:
-    """Likely causes of a stop, each with its cure; empty where the run has converged."""
+    """Groups that no forces answer; where the run has not converged the likely causes, each with
+    its cure.
+    """
+    found = run.iterated.found.get("unsolved", [])
     if run.iterated.converged:
-        return []
-    reason = run.iterated.stop_reason
-    return [sentence for name, causes in CAUSES.items() if reason.startswith(name)
-            for cause in causes for sentence in cause(run)]
+        return found
+    return found + [sentence for name, causes in CAUSES.items()
+                    if run.iterated.stop_reason.startswith(name)
+                    for cause in causes for sentence in cause(run)]
