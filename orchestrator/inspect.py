@@ -22,7 +22,7 @@ from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.foreign.joints import not_asked
 from orchestrator.scene.inspection import (
     bolt_table, pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark,
-    volume_table, volumes_of)
+    volume_table)
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
@@ -104,7 +104,7 @@ def _content(mesh: Mesh, young: Sequence[float] = (),
     box = " … ".join(format_point(corner)
                      for corner in (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)))
     return [repr(mesh), f"box {box}, {units_remark(mesh, young)}", "",
-            *volume_table(volumes_of(mesh), matter), "",
+            *volume_table(mesh, matter), "",
             *surface_table(surfaces_of(mesh)), ""]
 
 

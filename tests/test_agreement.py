@@ -69,6 +69,9 @@ SOUND = {
     "a jump of unlike meshes": blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/ymin", "displacement": [None, 0, None]}, cells=FINE),
     "sides that part": blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": [0.01, 0, 0]}),
     "sides that slide": blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": UP}, cells=FINE),
+    "a press fit of nearly a tenth": blocks("ab", [{**TOUCH, "gap": -0.099}], WALL, {"on": "b/xmax", "displacement": HELD}),
+    "one in thin plates, edge on edge": {**blocks("ab", [{**TOUCH, "gap": -0.04}], WALL), "parts": [
+        boxed(name, [1, 1, 0.1], cells=[2, 2, 1], at=[x, 0, 0]) for x, name in enumerate("ab")]},
     "a hinge in a plane": box({"on": "zmin", "symmetry": True}, {"on": "xmin", "displacement": HELD}, {"on": "xmax", **HINGE}),
     "a turned hinge": turned(37, 15), "a hinge of six digits": turned(37, 6), "a hinge far away": turned(211.3, 9),
 }
@@ -109,6 +112,10 @@ REFUSED = {  # and the entries that are named
     "and of unlike meshes": (blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD},
                                     {"on": "b/ymin", "displacement": [-0.01, 0, 0], "history": "h"}, cells=FINE, **STEPS), "load step 2"),
     "a press fit that is held": (blocks("ab", [{**TOUCH, "gap": -0.01}], {"on": "*/ymin", "displacement": HELD}), "law: contact forbids"),
+    "a press fit in another unit": (blocks("ab", [{**TOUCH, "gap": -0.5}], WALL, {"on": "b/xmax", "displacement": HELD}),
+                                    "which is 50% of what the thinner part measures there, 1"),
+    "and of unlike meshes, at the second step": (blocks("ab", [{**TOUCH, "gap": -0.02, "history": "h"}], WALL, cells=FINE,
+                                                        histories={"h": [1.0, 6.0]}), "an interference of 0.12 between"),
     "a hinge beside the plane": (box({"on": "zmin", "symmetry": True}, 
                                     {"on": "xmax", "motion": {"rotate": {"axis": "y", "degrees": 0.1, "about": [2.01, 0, 0]}}}),
                                     "uz = 0 and 1.7"),

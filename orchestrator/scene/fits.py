@@ -41,8 +41,8 @@ NUT = 2.0
 @dataclass(frozen=True, eq=False)
 class RoundFace:
     """A cylindrical surface, of one name or of several halves: its volume, axis (3,), a point (3,)
-    of it, radius, from where to where
-    along the axis, whether matter is outside, mean element size."""
+    of it, radius, from where to where along the axis, whether matter is outside, mean element size,
+    area."""
 
     names: tuple[str, ...]
     volume: int
@@ -53,6 +53,7 @@ class RoundFace:
     high: float
     hollow: bool
     size: float
+    area: float
 
     def eccentric(self, other: RoundFace) -> float:
         """Distance of another one's axis from this one's; infinite where they are not parallel."""
@@ -150,7 +151,6 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
     two halves.
     """
     found: list[RoundFace] = []
-    covered: list[float] = []
     for name, triangles in mesh.surfaces.items():
         at = faces.find(triangles) if len(triangles) else np.empty(0, int)
         if not len(at) or (at < 0).any() or (faces.neighbour[at] >= 0).any():
@@ -169,20 +169,18 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         face = RoundFace((name,), int(mesh.volume[faces.owner[at[0]]]), shape.direction,
                          shape.through, shape.radius,
                          float(along.min()), float(along.max()), bool(outward < 0),
-                         float(np.sqrt(2 * each).mean()))
-        area = float(each.sum())
+                         float(np.sqrt(2 * each).mean()), float(each.sum()))
         half = next((k for k, other in enumerate(found) if other.continued_by(face)), None)
         if half is None:
             found.append(face)
-            covered.append(area)
         else:
             low, high = found[half].extent_of(face)
             found[half] = replace(found[half], names=(*found[half].names, name),
                                   low=min(low, found[half].low),
-                                  high=max(high, found[half].high))
-            covered[half] += area
-    return [face for face, area in zip(found, covered)
-            if area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
+                                  high=max(high, found[half].high),
+                                  area=found[half].area + face.area)
+    return [face for face in found
+            if face.area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
 
 
 def fits(found: Sequence[RoundFace]) -> list[Fit]:
@@ -212,9 +210,9 @@ def exact_distance(mesh: Mesh, found: Sequence[Fit]) -> np.ndarray:
     result = np.full((len(number) + 1, len(number) + 1), np.nan)
     for fit in found:
         if fit.eccentric <= SAME * fit.shaft.radius:
-            for a in (number[name] for name in fit.shaft.names if name in number):
-                for b in (number[name] for name in fit.hole.names if name in number):
-                    result[a, b] = result[b, a] = fit.clearance
+            a, b = ([number[name] for name in face.names if name in number]
+                    for face in (fit.shaft, fit.hole))
+            result[np.ix_(a, b)] = result[np.ix_(b, a)] = fit.clearance
     return result
 
 

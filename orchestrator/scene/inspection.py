@@ -23,7 +23,6 @@ from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 
 SHARED, COINCIDENT, APART, ROOM = "shared", "matching", "not matching", "with room"
@@ -61,7 +60,9 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
         one, two = (scene.subdomains[e] for e in interface.subdomains)
         if one.body == two.body or not len(interface.triangles):
             continue
-        sizes, each = zip(*(_measures(scene, interface, side) for side in (0, 1)))
+        sizes, each = zip(*(
+            _measures(scene.side_points(interface, side), interface.triangles_on(side))
+            for side in (0, 1)))
         if not interface.paired:
             points, area, slave = interface.mortar.points, float(
                 interface.mortar.area.sum()), one.name
@@ -77,9 +78,9 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
                       meshes, slave, sizes, interface.law.name)
 
 
-def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, float]:
-    """Mean element size and area of an interface's facets on one side."""
-    each = areas(scene.side_points(interface, side), interface.triangles_on(side))
+def _measures(points: np.ndarray, triangles: np.ndarray) -> tuple[float, float]:
+    """Mean element size and area of facets."""
+    each = areas(points, triangles)
     return float(np.sqrt(2 * each).mean()), float(each.sum())
 
 
@@ -89,9 +90,8 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
     """
     shared, sides, bounds = patches(faces, mesh.volume)
     for first, last in zip(bounds[:-1], bounds[1:]):
-        each = areas(mesh.nodes, faces.triangles[shared[first:last]])
-        size = float(np.sqrt(2 * each).mean())
-        yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED,
+        size, area = _measures(mesh.nodes, faces.triangles[shared[first:last]])
+        yield PairRow(*(mesh.volumes[v] for v in sides[first]), area, 0.0, 0.0, SHARED,
                       "", (size, size))
     if len(mesh.volumes) < 2:
         return
@@ -120,23 +120,9 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
 
 # Largest extents of what is built and made, in metres: beyond, one unit is meant for another.
 LARGEST, SMALLEST = 100.0, 1e-3
-# Moduli of matter, from rubber to diamond, in N/m² and in N/mm².
-PASCAL, MEGAPASCAL = (1e7, 1.3e12), (1e1, 1.3e6)
-
-
-@dataclass(frozen=True)
-class VolumeRow:
-    """One named volume: number of tets, volume, mean element size (cube root of six tets' volume),
-    centre, lowest and highest
-    corner."""
-
-    name: str
-    tets: int
-    volume: float
-    size: float
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+# Units of length in metres; with N, the moduli of matter from rubber to diamond.
+METRES = {"m": 1.0, "mm": 1e-3}
+MATTER = {"m": (1e7, 1.3e12), "mm": (1e1, 1.3e6)}
 
 
 @dataclass(frozen=True)
@@ -151,18 +137,6 @@ class SurfaceRow:
     centre: np.ndarray
     shape: Shape
     neighbours: list[str]
-
-
-def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
-    """Rows of the volumes, in the order of the mesh."""
-    each = tet_volumes(mesh.nodes, mesh.cells)
-    for index, name in enumerate(mesh.volumes):
-        own = mesh.volume == index
-        points = mesh.nodes[np.unique(mesh.cells[own, :4])]
-        centre = each[own] @ mesh.nodes[mesh.cells[own, :4]].mean(axis=1) / each[own].sum()
-        yield VolumeRow(name, int(own.sum()), float(each[own].sum()),
-                        float(np.cbrt(6 * each[own].mean())), centre,
-                        points.min(axis=0), points.max(axis=0))
 
 
 def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
@@ -201,33 +175,38 @@ def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
     extent = np.ptp(mesh.nodes, axis=0)
     size = float(extent.max())
     text = "extent " + " × ".join(f"{x:.6g}" for x in extent)
-    metres = {"m": 1.0, "mm": 1e-3}
-    fits = [unit for unit, factor in metres.items() if SMALLEST <= size * factor <= LARGEST]
+    fits = [unit for unit, metres in METRES.items() if SMALLEST <= size * metres <= LARGEST]
     if not young:
         return text + (f": of a plausible size in {' and in '.join(fits)}" if fits else
                        ": implausible in m and in mm; scale: under mesh: takes a factor")
     stiff = max(young)
-    unit = "m" if PASCAL[0] <= stiff <= PASCAL[1] and stiff > MEGAPASCAL[1] else "mm" if MEGAPASCAL[
-        0] <= stiff <= MEGAPASCAL[1] else ""
+    unit = next((unit for unit, (low, high) in MATTER.items() if low <= stiff <= high), "")
     if not unit:
         return text
-    meant = "N/m², so that lengths are in m" if unit == "m" else "N/mm², so that lengths are in mm"
-    text += f"; a modulus of {stiff:g} looks like {meant}, and then is {stiff / (1e9 if unit == 'm' else 1e3):.3g} GPa"
+    text += (f"; a modulus of {stiff:g} looks like N/{unit}², so that lengths are in {unit}, and "
+             f"then is {stiff / METRES[unit]**2 / 1e9:.3g} GPa")
     if unit in fits:
         return text
-    return text + f": {size * metres[unit]:g} m is implausible; scale: under mesh: takes a factor, or change the moduli"
+    return text + f": {size * METRES[unit]:g} m is implausible; scale: under mesh: takes a factor, or change the moduli"
 
 
-def volume_table(rows: Iterable[VolumeRow], matter: Mapping[str, str] | None = None) -> list[str]:
-    """Lines on volumes.
+def volume_table(mesh: Mesh, matter: Mapping[str, str] | None = None) -> list[str]:
+    """Lines on volumes, in the order of the mesh: number of tets, volume, mean element size (cube
+    root of six tets' volume), centre, lowest and highest corner.
 
     matter : what each is made of, where that is known
     """
-    heads = ("volume", "tets", "volume", "element", "centre", "from", "to")
-    return columns(heads + (("material",) if matter else ()), [
-        (r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.centre), _point(r.low),
-         _point(r.high),
-         *((matter.get(r.name, "-"),) if matter else ())) for r in rows])
+    heads, rows = ("volume", "tets", "volume", "element", "centre", "from", "to"), []
+    each = tet_volumes(mesh.nodes, mesh.cells)
+    for index, name in enumerate(mesh.volumes):
+        own = mesh.volume == index
+        volumes, corners = each[own], mesh.nodes[mesh.cells[own, :4]]
+        whole = volumes.sum()
+        rows.append((name, str(len(volumes)), _number(whole), _number(np.cbrt(6 * volumes.mean())),
+                     _point(volumes @ corners.mean(axis=1) / whole),
+                     _point(corners.min(axis=(0, 1))), _point(corners.max(axis=(0, 1))),
+                     *((matter.get(name, "-"),) if matter else ())))
+    return columns(heads + (("material",) if matter else ()), rows)
 
 
 def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:

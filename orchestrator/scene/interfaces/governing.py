@@ -134,9 +134,7 @@ class Laws:
 
     def _are(self, two: Sequence[str], first: Iterable[str], second: Iterable[str]) -> bool:
         """Whether two patterns name two sides, in either order."""
-        a, b = two
-        return (self.means(a, first) and self.means(b, second)) or (
-            self.means(b, first) and self.means(a, second))
+        return any(self.means(a, first) and self.means(b, second) for a, b in (two, two[::-1]))
 
     def means(self, pattern: str, names: Iterable[str]) -> bool:
         """Whether a pattern means one of a side's names."""

@@ -7,6 +7,8 @@ from __future__ import annotations
 from itertools import product
 from typing import Any
 
+import numpy as np
+
 from orchestrator.errors import Problems, some
 from orchestrator.scene.interface import ends_of, Interface
 from orchestrator.scene.interfaces.candidates import candidates
@@ -19,12 +21,15 @@ from orchestrator.scene.interfaces.opposite import COINCIDE, nearest, REACH
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.interfaces.shared import hinges, shared_faces
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import facet_normals, format_point
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import suggestion
 from orchestrator.scene.overview import Beside
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50
+# Share of a part's thickness from which an interference is outside small strains.
+DEEP = 0.1
 
 
 def make_interfaces(parts: Parts, laws: Laws,
@@ -51,12 +56,32 @@ def make_interfaces(parts: Parts, laws: Laws,
     for number, interface in enumerate(found):
         interface.index = number
     laws.refuse_within(cuts, problems)
+    _report_deep(parts.mesh, found, problems)
     if laws.asked:
         _report_unused(parts, laws, list(dict.fromkeys(pairs)), problems)
     if parts.bodies and not problems.found:
         tell_distances(parts, laws, found, problems)
         near = report_neighbours(parts, laws, found, problems)
     return found, near
+
+
+def _report_deep(mesh: Mesh, found: list[Interface], problems: Problems) -> None:
+    """Adds a problem for each press fit deeper than ``DEEP`` of what the thinner part measures
+    along the normals: such numbers are in another unit.
+    """
+    for i in found:
+        if deep := -np.min(i.law.distance, initial=0.0):
+            normals = abs(facet_normals(mesh.nodes[i.global_nodes], i.triangles)[0])
+            thick = min(float((normals @ np.ptp(mesh.nodes[mesh.cells[mesh.volume == v]],
+                                                axis=(0, 1))).min())
+                        for v in mesh.volume[i.cells[0]])
+            if deep > DEEP * thick:
+                problems.add(
+                    ("interfaces", i.entry, "gap"),
+                    f"an interference of {deep:g} between {i.name}, which is {deep / thick:.0%} of "
+                    f"what the thinner part measures there, {thick:.4g}",
+                    f"at most {DEEP:.0%}, as strains are small; press fits have about a thousandth",
+                    "write gap in the unit of the mesh; it is half the difference of two diameters")
 
 
 def _opposite(parts: Parts, laws: Laws, problems: Problems) -> list[Interface]:

@@ -131,19 +131,15 @@ def _linear(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
     size = size * slave_area[segments.slave][:, None]
     linear = moments(size, one, one)
     first = (size[:, :, None] * one.sum(axis=2)).sum(axis=1) / 3
-    facets, at = np.unique(segments.slave, return_inverse=True)
-    gram, mass = np.zeros((len(facets), 3, 3)), np.zeros((len(facets), 3))
-    np.add.at(gram, at, linear)
-    np.add.at(mass, at, first)
+    _, at, gram, mass = _summed(segments, linear, first)
     sound, shape = mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape)
     if kind is Multiplier.DUAL:
         sound, shape = _dual(gram, mass)
-    there, shape = sound[at], shape[at]
+    shape = shape[at]
     own = _quadratic(size, one, one) if quadratic[0] else linear
     other = (_quadratic if quadratic[1] else moments)(size, one, two)
-    found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None],
-             size.sum(axis=1))
-    return found if there.all() else tuple(f[there] for f in found)
+    return _where(sound[at], segments.slave, segments.master, shape @ own, shape @ other,
+                  shape @ first[:, :, None], size.sum(axis=1))
 
 
 def _amid(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
@@ -156,10 +152,8 @@ def _amid(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
     functions, theirs = six_functions(at_one), six_functions(at_two) if quadratic[1] else at_two
     weighted = functions * (size[:, :, None] * weights)[..., None]
     first = weighted.sum(axis=(1, 2))
-    facets, at = np.unique(segments.slave, return_inverse=True)
-    gram, mass = np.zeros((len(facets), 6, 6)), np.zeros((len(facets), 6))
-    np.add.at(gram, at, np.einsum("mtqk,mtql->mkl", weighted, functions, optimize=True))
-    np.add.at(mass, at, first)
+    facets, at, gram, mass = _summed(
+        segments, np.einsum("mtqk,mtql->mkl", weighted, functions, optimize=True), first)
     stands, covered = mass @ AMID.T, np.bincount(at, size.sum(axis=1))
     sound, shape = _dual(AMID @ gram @ AMID.T, stands)
     shape, whole = shape @ AMID, covered >= FULL * slave_area[facets]
@@ -167,9 +161,20 @@ def _amid(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
     own = np.zeros((len(at), 3, 6))
     own[:, :, 3:] = (first @ AMID.T)[:, :, None] * np.eye(3)
     other = shape[at] @ np.einsum("mtqk,mtql->mkl", weighted, theirs, optimize=True)
-    found = (segments.slave, segments.master, own, other, shape[at] @ first[:, :, None],
-             size.sum(axis=1))
-    there = (sound | whole)[at]
+    return _where((sound | whole)[at], segments.slave, segments.master, own, other,
+                  shape[at] @ first[:, :, None], size.sum(axis=1))
+
+
+def _summed(segments: Segments, *values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The slave's facets, which of them each overlap is on, and the sums of values (m, …) there."""
+    facets, at = np.unique(segments.slave, return_inverse=True)
+    sums = [np.zeros((len(facets), *value.shape[1:])) for value in values]
+    for total, value in zip(sums, values):
+        np.add.at(total, at, value)
+    return facets, at, *sums
+
+
+def _where(there: np.ndarray, *found: np.ndarray) -> tuple[np.ndarray, ...]:
     return found if there.all() else tuple(f[there] for f in found)
 
 
