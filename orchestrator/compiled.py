@@ -42,6 +42,8 @@ class Compiled:
         not know
     """
 
+    compiling = False  # whether one of them is compiled at this moment
+
     def __init__(self, function: Callable[..., Any]):
         self.function, self.called, self.__doc__ = function, False, function.__doc__
 
@@ -59,11 +61,12 @@ class Compiled:
 
     def __call__(self, *arguments):
         if not self.called:
+            Compiled.compiling = threading.current_thread() is threading.main_thread()
             try:
                 self._machine.compile(tuple(map(need("numba").typeof, arguments)))
             except OSError:  # the disk is full, say
                 self._machine = need("numba").njit(nogil=True, fastmath=SUMS)(self.function)
-            self.called = True
+            Compiled.compiling, self.called = False, True
         return self._machine(*arguments)
 
 

@@ -68,6 +68,7 @@ class Screen(io.StringIO):
 
 def test_a_file_gets_lines_of_plain_text_from_time_to_time(monkeypatch):
     monkeypatch.setattr(progresses, "EVERY", 0.05)
+    monkeypatch.setattr(progresses, "OFTEN", 0.05)
     stream = io.StringIO()
     with closing(Progress(stream=stream, label="variant 1 of 2")) as progress:
         progress.stage("meshing")
@@ -82,6 +83,21 @@ def test_a_file_gets_lines_of_plain_text_from_time_to_time(monkeypatch):
     with closing(Progress(quiet=True, stream=(silent := io.StringIO()))) as progress:
         progress.iteration(case.iteration(1))
     assert silent.getvalue() == ""
+
+
+def test_a_terminal_counts_seconds_while_nothing_is_foreseen(monkeypatch):
+    """As long as gmsh meshes, or loops are compiled; on a busy machine all takes longer."""
+    monkeypatch.setattr(progresses, "OFTEN", 0.02)
+    with closing(Progress(stream=(stream := Screen()))) as progress:
+        progress.stage("meshing")
+        time.sleep(1.7)
+        monkeypatch.setattr(progresses.Compiled, "compiling", True)
+        time.sleep(0.1)
+    said = stream.getvalue()
+    assert "meshing · 1 s" in said and "meshing · 2 s" in said and "meshing, compiling its loops · 2 s" in said
+    quiet, busy = (Remaining(1000, 1, True).after for slow in (1.0, 5.0)
+                   if not monkeypatch.setattr(progresses, "SLOW", slow))
+    assert busy == pytest.approx(5 * quiet)
 
 
 @pytest.mark.parametrize("width", [12, 40, 60, 120])
@@ -111,6 +127,8 @@ def test_what_is_left_is_told_by_what_is_done():
     assert early - late == pytest.approx(48, rel=0.01) and LOADING * remaining.solve == pytest.approx(60, rel=0.01)
     half = remaining.left(doing("back-substitutions", [50.0] * 50, 5000.0, 100, 20.0), now)
     assert half - 20 == pytest.approx(remaining.left(doing("back-substitutions", [50.0] * 100, 5000.0, 100, 40.0), now), rel=0.01)
+    unseen = Remaining(30_000, 1, True).left(doing("back-substitutions", [50.0] * 100, 5000.0, 100, 40.0), now)
+    assert 0 < unseen < 1000  # assembling was over before anybody looked
     for k in range(1, 11):  # two seconds each, a factor of two each, to a thousandth
         remaining.iterated(replace(case.iteration(k), values={"iteration": k, "error_bound": 2.0 ** -k},
                                    target=("error_bound", 2.0 ** -20)), now + 2 * k)

@@ -3,7 +3,8 @@
 What is left is estimated from what is done. A run assembles its bodies, solves for the fields of its
 coarse problems, iterates, and writes. Of what has begun, the pieces that are done tell how long the
 others take; of what has not, what came before: assembling and factorising costs as much as
-``LOADING`` back-substitutions. Iterations are told by the fall of what they wait for.
+``LOADING`` back-substitutions. Iterations are told by the fall of what they wait for. Seconds that
+nothing of the run tells are those of a core of one's own, times what this program had to wait.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ import numpy as np
 
 from orchestrator.blackbox.shared import LOADING
 from orchestrator.blackbox.usage import Usage
+from orchestrator.compiled import Compiled
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import watched
 from orchestrator.scene.model import Scene
-from orchestrator.timing import STAGES, Doing
+from orchestrator.timing import STAGES, Doing, seconds_since_launch
 
 EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between two states of one
 ERASE = "\r\x1b[2K"
@@ -33,9 +35,12 @@ FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bond
 BESIDE = 5.0
 LATEST = 8  # iterations that tell how fast the next ones are
 TRUSTED = 6  # iterations from which on their pace counts for more than experience
-START, EACH = 3.0, 5e-5  # seconds of what is written, and of it per node and load step
+START, EACH = 1.2, 5e-5  # seconds of what is written, and of it per node and load step
 AFTER = 10.0  # iterations whose time the last error bound and the delivery take
-FIRST = 6e-4  # seconds per node of the scene, before anything is known; a fifth more per load step
+# seconds per node of the scene, before anything is known; a fifth more per load step
+FIRST = {True: 2e-4, False: 6e-4}
+# seconds of the imports over those that they computed: what others leave of a core
+SLOW = seconds_since_launch() / time.process_time() or 1.0
 
 
 class Progress(Subscriber):
@@ -58,9 +63,10 @@ class Progress(Subscriber):
         if not quiet:
             self._clock.start()
 
-    def stage(self, name: str) -> None:
-        self._stage, self._text = name, ""
-        self._changed()
+    def stage(self, name: str, text: str = "") -> None:
+        self._stage, self._text = name, text
+        if self._live:
+            self._tell()
 
     def made(self, scene: Scene) -> None:
         """The scene is made that is solved."""
@@ -74,12 +80,10 @@ class Progress(Subscriber):
     def iteration(self, event: Iteration) -> None:
         name, target = event.target
         value, label = float(getattr(event, name, math.nan)), name.replace("_", " ")
-        shown = f"{label} {value:.1e}"
-        if not math.isfinite(value):
-            shown = f"indicator {event.indicator:.1e}, {label}"
+        shown = (f"{label} {value:.1e}" if math.isfinite(value)
+                 else f"indicator {event.indicator:.1e}, {label}")
         self._remaining.iterated(event, time.monotonic())
-        self._stage, self._text = f"iteration {event.iteration}", f"{shown} → {target:.0e}"
-        self._changed()
+        self.stage(f"iteration {event.iteration}", f"{shown} → {target:.0e}")
 
     def finished(self, event: Finished) -> None:
         self._remaining.ended = time.monotonic()
@@ -103,21 +107,24 @@ class Progress(Subscriber):
         """Return what is told now, in so many columns: what matters least is left out first."""
         now, doing = time.monotonic(), self._usage and self._usage.doing
         left, spent = self._remaining.left(doing, now), now - self._begun
-        parts = [self._label, str(doing) if doing and not self._remaining.ends else self._stage]
+        stage = str(doing) if doing and not self._remaining.ends else self._stage
+        parts = [self._label, stage + ", compiling its loops" * Compiled.compiling]
         if math.isfinite(left):
             parts += [f"{min(spent / (spent + left), 0.99):.0%}", f"{duration(left)} left"]
+        elif self._live:
+            parts.append(duration(spent))
         parts = [part for part in (*parts, self._text) if part]
         while len(parts) > 1 and len(" · ".join(parts)) > width:
             parts.pop()
         return " · ".join(parts)[:width]
 
     def _tick(self) -> None:
-        while not self._closed.wait(OFTEN if self._live else EVERY):
-            self._tell()
-
-    def _changed(self) -> None:
-        if self._live:
-            self._tell()
+        waited = 0.0
+        while not self._closed.wait(OFTEN):
+            self.line()  # what lasts a second only is seen
+            waited += OFTEN
+            if self._live or waited % EVERY < OFTEN:
+                self._tell()
 
     def _tell(self) -> None:
         with self._one:
@@ -167,28 +174,30 @@ class Remaining:
         """
         if not self.nodes:
             return math.nan
-        if self.ended <= now:
-            return max(self.after - (now - self.ended), 0.2 * (now - self.ended))
+        if (writing := now - self.ended) >= 0:
+            return max(self.after - writing, 0.3 * writing)
         if doing is None:
-            whole = FIRST * self.nodes * (1 + 0.2 * self.steps) + self.after
+            whole = SLOW * FIRST[self.bonded] * self.nodes * (1 + 0.2 * self.steps) + self.after
             return max(whole - (now - self.begun), 0.5 * whole)
         if self.ends:
-            spent = now - self.ends[-1]
-            return max(0.0, self.each * (self.to_do + AFTER) - spent) + self.after
+            rest = self.each * (self.to_do + AFTER) - (now - self.ends[-1])
+            return max(0.0, rest) + self.after
         spent, assembling = now - doing.begun, doing.what == "assembling"
         guess = (
-            RATE * doing.of / doing.workers if assembling else self.solve * doing.of / doing.pieces
+            SLOW * RATE * doing.of / doing.workers if assembling else self.solve * doing.of / doing.pieces
         )
         whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
         if assembling:
             self.solve = whole / LOADING
+        elif math.isnan(self.solve):  # assembling was too short to be seen
+            self.solve = whole * doing.pieces / doing.of
         rest = max(whole - spent, 0.0) + FIELDS[self.bonded] * self.solve * assembling
         return rest + self.each * (STAGES + AFTER) + self.after
 
     @property
     def after(self) -> float:
         """Seconds of what is written and drawn."""
-        return START + EACH * self.nodes * self.steps
+        return SLOW * (START + EACH * self.nodes * self.steps)
 
     @property
     def to_do(self) -> float:
