@@ -33,10 +33,10 @@ DRAWN = {"1_own_mesh": "plate", "2_assembly": "bracket_contact", "3_bolts": "bra
 _HEAD = """# Gallery
 
 Every configuration that is shipped, and every tutorial: what it shows, how to run it, what it takes. Displacements are drawn larger than
-they are. Colours are of von Mises stress, from zero to what 99 % of the view stays below, red beyond; where no stress is known, of the
-displacement; grey is not known.
+they are. Colours show von Mises stress, from zero to what 99 % of the view stays below; more is red. Where no stress is known they show
+the displacement; grey is not known.
 `orchestrator study gallery` runs all of them and writes this page. Seconds are CPU's, of all processes from start to end, on the
-machine of [measured](measured.md): other work beside changes them little. Runs that were left out (`--set skip=[NAME]`) have none.
+machine of [measured](measured.md). Runs that are left out (`--set skip=[NAME]`) have none.
 """
 
 
