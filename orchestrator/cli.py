@@ -59,13 +59,21 @@ def command(panel: str) -> Callable[[Callable[..., int | None]], Callable[..., i
     return entered
 
 
+def flag(name: str, meaning: str) -> object:
+    """The type of an option that is there or not."""
+    return Annotated[bool, typer.Option(name, help=meaning)]
+
+
+def folder(meaning: str) -> object:
+    """The type of --output."""
+    return Annotated[Optional[Path], typer.Option("--output", help=meaning)]
+
+
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE",
     help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
-RunPrograms = Annotated[bool, typer.Option(
-    "--run-programs",
-    help="run the programs, interpreters and forms that CONFIG names, as run does")]
+RunPrograms = flag("--run-programs", "run the programs, interpreters and forms that CONFIG names, as run does")
 
 
 @command(BEGIN)
@@ -92,8 +100,7 @@ def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...",
 
 @command(BEGIN)
 def check(config: ConfigFile, overrides: Overrides = None,
-          syntax_only: Annotated[bool,
-                                 typer.Option("--syntax-only", help="stop before meshing")] = False,
+          syntax_only: flag("--syntax-only", "stop before meshing") = False,
           run_programs: RunPrograms = False) -> int | None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     from orchestrator.config.load import asked_of
@@ -131,18 +138,11 @@ def inspect(
 
 @command(SOLVE)
 def run(config: ConfigFile, overrides: Overrides = None,
-        output: Annotated[Optional[Path],
-                          typer.Option(help="results folder, instead of the one in CONFIG")] = None,
-        resume: Annotated[bool,
-                          typer.Option("--resume",
-                                       help="go on from the checkpoint in the results folder")] = False,
-        reference: Annotated[bool,
-                             typer.Option("--reference",
-                                          help="also solve undecomposed; report the true error")] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False,
-        verbose: Annotated[bool,
-                           typer.Option("--verbose",
-                                        help="print all of the summary, not only what most look for")] = False,
+        output: folder("results folder, instead of the one in CONFIG") = None,
+        resume: flag("--resume", "go on from the checkpoint in the results folder") = False,
+        reference: flag("--reference", "also solve undecomposed; report the true error") = False,
+        quiet: flag("--quiet", "print nothing but errors") = False,
+        verbose: flag("--verbose", "print all of the summary, not only what most look for") = False,
         ) -> int | None:
     """Solve a problem and write its results."""
     from orchestrator.launch import launch
@@ -157,22 +157,12 @@ def sweep(config: ConfigFile,
               metavar="KEY=VALUE,VALUE",
               help="what to vary, such as bolts.0.force=5e3,1e4; bolts.*.force varies all together "
                    "(repeatable: every combination)")] = None,
-          zipped: Annotated[bool,
-                            typer.Option("--zip",
-                                         help="several --vary: first values together, then second "
-                                         "ones")] = False,
+          zipped: flag("--zip", "several --vary: first values together, then second ones") = False,
           overrides: Overrides = None,
-          output: Annotated[Optional[Path],
-                            typer.Option(help="its folder, instead of results/NAME_sweep")] = None,
-          resume: Annotated[bool,
-                            typer.Option("--resume",
-                                         help="run no variant again that the folder has")] = False,
-          figures: Annotated[bool,
-                             typer.Option("--figures",
-                                          help="draw every variant, not only the table")] = False,
-          quiet: Annotated[bool,
-                           typer.Option("--quiet",
-                                        help="print nothing but errors")] = False) -> int | None:
+          output: folder("its folder, instead of results/NAME_sweep") = None,
+          resume: flag("--resume", "run no variant again that the folder has") = False,
+          figures: flag("--figures", "draw every variant, not only the table") = False,
+          quiet: flag("--quiet", "print nothing but errors") = False) -> int | None:
     """Run a configuration with different values: a table, a picture, and a results folder for
     each.
     """
@@ -247,9 +237,7 @@ def conformance(
 
 @command(REST)
 def schema(
-    keys: Annotated[bool,
-                    typer.Option("--keys",
-                                 help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
+    keys: flag("--keys", "every key with its meaning, as Markdown, instead") = False) -> int | None:
     """Print the JSON schema of configurations, for editors that complete and check as one types."""
     if keys:
         from orchestrator.config.reference import reference as write
@@ -265,12 +253,8 @@ def study(
           overrides: Annotated[Optional[list[str]], typer.Option(
               "--set", metavar="KEY=VALUE",
               help="change a setting of the study, if it has any (repeatable)")] = None,
-          output: Annotated[Optional[Path],
-                            typer.Option(
-                                help="its folder, instead of results/studies/NAME")] = None,
-          resume: Annotated[bool,
-                            typer.Option("--resume",
-                                         help="repeat no run that the folder has")] = False) -> int | None:
+          output: folder("its folder, instead of results/studies/NAME") = None,
+          resume: flag("--resume", "repeat no run that the folder has") = False) -> int | None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
     _find_benchmarks()
     from benchmarks.registry import STUDIES, run_study

@@ -174,11 +174,10 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         if half is None:
             found.append(face)
         else:
-            low, high = found[half].extent_of(face)
-            found[half] = replace(found[half], names=(*found[half].names, name),
-                                  low=min(low, found[half].low),
-                                  high=max(high, found[half].high),
-                                  area=found[half].area + face.area)
+            one = found[half]
+            low, high = one.extent_of(face)
+            found[half] = replace(one, names=(*one.names, name), low=min(low, one.low),
+                                  high=max(high, one.high), area=one.area + face.area)
     return [face for face in found
             if face.area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
 

@@ -72,8 +72,8 @@ def _report_deep(mesh: Mesh, found: list[Interface], problems: Problems) -> None
     for i in found:
         if deep := -np.min(i.law.distance, initial=0.0):
             normals = abs(facet_normals(mesh.nodes[i.global_nodes], i.triangles)[0])
-            thick = min(float((normals @ np.ptp(mesh.nodes[mesh.cells[mesh.volume == v]],
-                                                axis=(0, 1))).min())
+            thick = min((normals @ np.ptp(mesh.nodes[mesh.cells[mesh.volume == v]],
+                                          axis=(0, 1))).min()
                         for v in mesh.volume[i.cells[0]])
             if deep > DEEP * thick:
                 problems.add(
