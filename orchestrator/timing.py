@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
+
+LATEST = 8  # iterations that tell how fast the next ones are
 
 
 class Stopwatch:
@@ -72,6 +75,25 @@ def seconds_since_launch() -> float:
             return max(float(file.read().split()[0]) - ticks / os.sysconf("SC_CLK_TCK"), 0.0)
     except (OSError, ValueError, IndexError):
         return 0.0
+
+
+# seconds of the imports over those that they computed: what others leave of a core
+SLOW = seconds_since_launch() / time.process_time() or 1.0
+
+
+def duration(seconds: float) -> str:
+    """Return seconds as people say them, below two minutes in one digit."""
+    if seconds >= 90:
+        return f"{seconds / 60:.0f} min"
+    return f"{max(float(f'{seconds:.1g}'), 1):g} s"
+
+
+def pace_of(values: Sequence[float]) -> float:
+    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not known."""
+    y = [math.log(value) for value in values[-LATEST:] if value > 0]
+    if len(y) < 3:
+        return math.nan
+    return -float(np.polyfit(range(len(y)), y, 1)[0])
 
 
 @dataclass

@@ -14,10 +14,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Sequence
 from typing import TextIO
-
-import numpy as np
 
 from orchestrator.blackbox.shared import LOADING
 from orchestrator.blackbox.usage import Usage
@@ -25,7 +22,7 @@ from orchestrator.compiled import Compiled
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import watched
 from orchestrator.scene.model import Scene
-from orchestrator.timing import STAGES, Doing, seconds_since_launch
+from orchestrator.timing import LATEST, SLOW, STAGES, Doing, duration, pace_of
 
 EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between two states of one
 ERASE = "\r\x1b[2K"
@@ -33,14 +30,11 @@ RATE = 2.5e-7  # seconds of one worker for a unit of predicted cost, measured wi
 FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bonded, with contact
 # an iteration's seconds over those of its back-substitutions, before one is measured
 BESIDE = 5.0
-LATEST = 8  # iterations that tell how fast the next ones are
 TRUSTED = 6  # iterations from which on their pace counts for more than experience
 START, EACH = 1.2, 5e-5  # seconds of what is written, and of it per node and load step
 AFTER = 10.0  # iterations whose time the last error bound and the delivery take
 # seconds per node of the scene, before anything is known; a fifth more per load step
 FIRST = {True: 2e-4, False: 6e-4}
-# seconds of the imports over those that they computed: what others leave of a core
-SLOW = seconds_since_launch() / time.process_time() or 1.0
 
 
 class Progress(Subscriber):
@@ -134,13 +128,6 @@ class Progress(Subscriber):
             print(text, end="", file=self._stream, flush=True)
 
 
-def duration(seconds: float) -> str:
-    """Return seconds as people say them, below two minutes in one digit."""
-    if seconds >= 90:
-        return f"{seconds / 60:.0f} min"
-    return f"{max(float(f'{seconds:.1g}'), 1):g} s"
-
-
 class Remaining:
     """What is known of a run's course; times are those of ``time.monotonic``.
 
@@ -183,9 +170,8 @@ class Remaining:
             rest = self.each * (self.to_do + AFTER) - (now - self.ends[-1])
             return max(0.0, rest) + self.after
         spent, assembling = now - doing.begun, doing.what == "assembling"
-        guess = (
-            SLOW * RATE * doing.of / doing.workers if assembling else self.solve * doing.of / doing.pieces
-        )
+        guess = (SLOW * RATE * doing.of / doing.workers if assembling
+                 else self.solve * doing.of / doing.pieces)
         whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
         if assembling:
             self.solve = whole / LOADING
@@ -216,11 +202,3 @@ def measure(event: Iteration) -> float:
     """What an iteration waits for, or what goes with it where that is not evaluated yet."""
     told = getattr(event, event.target[0], math.nan), event.law_residual, event.force_imbalance
     return float(next((value for value in told if 0 < value < math.inf), math.nan))
-
-
-def pace_of(values: Sequence[float]) -> float:
-    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not known."""
-    y = [math.log(value) for value in values[-LATEST:] if value > 0]
-    if len(y) < 3:
-        return math.nan
-    return -float(np.polyfit(range(len(y)), y, 1)[0])
