@@ -112,8 +112,15 @@ class Mesher(Apart):
         try:
             return self.finish()
         except Died as died:
-            how = "did not begin" if died.code is None else f"was ended by {signal.Signals(-died.code).name}" if died.code < 0 else \
-                f"has ended with {died.code}"
+            how = (
+                "did not begin"
+                if died.code is None
+                else (
+                    f"was ended by {signal.Signals(-died.code).name}"
+                    if died.code < 0
+                    else f"has ended with {died.code}"
+                )
+            )
             raise wrong(("mesh",), f"the process that makes meshes {how}",
                         "a mesh: gmsh fails on few models, the kernel ends what takes more "
                         "memory than there is",

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+# exit codes; the last is the shell's for an interrupt
 CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 KeyPath = tuple[str | int, ...]

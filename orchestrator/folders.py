@@ -71,7 +71,12 @@ def sweep(below: str | None = None) -> None:
         with suppress(OSError):  # swept by someone else meanwhile, or a file system without locks
             # one kernel, whatever its containers call themselves; or this host before it was
             # started anew
-            if path in _held or boot != its_boot and host != its_host or path.stat().st_uid != os.getuid():
+            if (
+                path in _held
+                or boot != its_boot
+                and host != its_host
+                or path.stat().st_uid != os.getuid()
+            ):
                 continue
             if (lock := _locked(path)) is not None:
                 shutil.rmtree(path, ignore_errors=True)

@@ -16,7 +16,8 @@ from orchestrator.errors import InputError, wrong
 # Package → the extra that brings it, and what it is for.
 WANTED = {
     "gmsh": ("mesh",
-             "it makes meshes of STEP and BREP files and of grains, and reads those of most formats"),
+             "it makes meshes of STEP and BREP files and of grains, and reads those of most "
+             "formats"),
     "pymetis": ("mesh", "it cuts meshes into subdomains and shares these among ranks"),
     "numba": ("fast", "it compiles the loops that contact and friction take"),
     "matplotlib": ("figures", "it draws charts"),

@@ -6,8 +6,10 @@ Python's tokenizer: neither docstrings nor the width of a line change them. ``bu
 limits: lower one whenever the weight has fallen, never raise one.
 """
 
+import ast
 import io
 import json
+import re
 import subprocess
 import tokenize
 from collections import Counter
@@ -46,6 +48,42 @@ def git(*words: str) -> str:
     if done.returncode:
         pytest.skip(f"no history here: git {words[0]} fails")
     return done.stdout
+
+
+def trees() -> list[tuple[str, list[str], ast.Module]]:
+    """Return name, lines and syntax tree of each module of the package."""
+    texts = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+             for path in sorted((ROOT / "orchestrator").rglob("*.py"))}
+    return [(name, text.splitlines(), ast.parse(text)) for name, text in texts.items()]
+
+
+def is_number(node: ast.expr) -> bool:
+    """Whether an expression is a number, or some; truth values are none."""
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    parts = {ast.UnaryOp: ("operand",), ast.BinOp: ("left", "right")}.get(type(node), ())
+    inside = node.elts if isinstance(node, (ast.Tuple, ast.List)) else [getattr(node, part) for part in parts]
+    return bool(inside) and all(map(is_number, inside))
+
+
+def test_each_number_with_a_name_has_its_reason():
+    """Module constants that are numbers: a comment beside them, or above."""
+    bare = []
+    for name, lines, tree in trees():
+        for node in tree.body:
+            if isinstance(node, ast.Assign) and is_number(node.value) and re.match(r"_?[A-Z]", lines[node.lineno - 1]):
+                above = lines[node.lineno - 2].lstrip() if node.lineno > 1 else ""
+                if not above.startswith("#") and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
+                    bare.append(f"{name}:{node.lineno}")
+    assert not bare
+
+
+def test_no_docstring_is_a_riddle():
+    """It begins with a verb, or the name of a thing: not with "What"."""
+    riddles = [f"{name}: {text}" for name, _, tree in trees() for node in ast.walk(tree)
+               if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))
+               and (text := (ast.get_docstring(node) or "").partition("\n")[0]).startswith("What ")]
+    assert not riddles
 
 
 def test_the_package_keeps_to_its_budget():

@@ -122,8 +122,12 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
     if not symmetry <= PATCH:
         return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"
     if not rigid <= allowed:
-        why = " (supports inside it; or a form that is not symmetric in u and v, of which one triangle is taken)" if own_matter else ""
-        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {format_point(model.nodes[node])}{why}"
+        why = (
+            " (supports inside it; or a form that is not symmetric in u and v, of which one "
+            "triangle is taken)" if own_matter else "")
+        return (
+            f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near "
+            f"{format_point(model.nodes[node])}{why}")
     if not strain <= allowed:
         return (
             "a stiffness that is not that of the model's mesh and materials: uniform strains need "

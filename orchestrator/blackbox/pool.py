@@ -232,7 +232,8 @@ class Pool(BlackBox):
         try:
             yield
         except BaseException as error:
-            self._broken = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
+            self._broken = (
+                f"the black box has ended after a failure: {str(error) or type(error).__name__}")
             self.close()
             if isinstance(error, Ended):
                 raise BlackBoxError(str(error)) from error

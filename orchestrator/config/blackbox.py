@@ -66,7 +66,9 @@ class CodeSettings(Part):
 
 def _own() -> str:
     own = ", ".join(kind.forms for kind in CODES.own())
-    return f"or your own solver: {own}; matrices, decks and programs are parts, parts: [{{matrix: …}}]"
+    return (
+        f"or your own solver: {own}; matrices, decks and programs are parts, parts: [{{matrix: "
+        f"…}}]")
 
 
 _BY_CODE = ByName(CodeSettings, "code", CODES, lambda code: code.Settings, _own)

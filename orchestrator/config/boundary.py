@@ -10,7 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Strict, create_model
 
-from orchestrator.config.base import Axis, ByName, Frame, MadeModel, Name, Names, Part, Positive, Vector, auto_or, either
+from orchestrator.config.base import (
+    Axis, ByName, Frame, MadeModel, Name, Names, Part, Positive, Vector, auto_or, either)
 from orchestrator.config.tools import Tool
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
@@ -198,7 +199,8 @@ def _on_faces() -> type[Acting]:
             "radial, tangential and axial, {axis, at}"))),
                         history=(Name | None,
                  Field(None,
-                       description="name of the factors per load step; none: the same at every step")))
+                       description="name of the factors per load step; none: the same at every "
+                                   "step")))
 
 
 @cache

@@ -167,7 +167,8 @@ _WORDS: dict[str, str] = {
         "write an entry of boundary with coupling: {about: [0, 0, 40], displacement: [0, null, "
         "null], force: [0, 10, 0]}",
     "foundation spring springs bedding elastic_support elastic_foundation winkler":
-        "write an entry of boundary with foundation: {normal: 1.0e4}, force per area and per length",
+        "write an entry of boundary with foundation: {normal: 1.0e4}, force per area and per "
+        "length",
     "preload bolt_pretension bolt_load": "write an entry of bolts: [{on: bolt_1, force: 8000}]",
     "symmetry symmetric symmetry_plane roller slider": "write symmetry: true in an entry of "
                                                        "boundary, on a plane across an axis",

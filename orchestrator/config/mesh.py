@@ -11,7 +11,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 
-from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Rotate, Sizes, Vector, auto_or, either
+from orchestrator.config.base import (
+    Count, Counts, Name, Names, Part, Positive, Rotate, Sizes, Vector, auto_or, either)
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
                    "a number > 0 (a cube's side), or three of them")
@@ -97,7 +98,8 @@ class MeshEntry(Part):
         "mesher derives one from the shape; with `conforming: false` also by solid, {'*': 5, "
         "'bolt*': 2}, the last match wins"))
     refine: list[Refined] | None = Field(None, description=(
-        "of `step`: smaller elements on solids or faces, [{on: 'plate:3', h: 1}], the smallest wins"))
+        "of `step`: smaller elements on solids or faces, [{on: 'plate:3', h: 1}], the smallest "
+        "wins"))
     conforming: bool | None = Field(None, description=(
         "of `step`: false: each solid is meshed by itself, at its own h, and touching ones share "
         "nothing; none: true, touching solids share their faces"))

@@ -10,7 +10,7 @@ from pydantic.json_schema import JsonSchemaValue
 from orchestrator.config.base import AutoCount, Count, Part, Positive, auto_or
 from orchestrator.registry import ACCELERATIONS
 
-RATIO_RANGE = (1e-3, 1e2)
+RATIO_RANGE = (1e-3, 1e2)  # of soles' moduli over matter's: beyond, rounding spoils answers
 STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
 FRACTION = 0.1  # of the mesh's error, for the iterations'
 # relative energy error that double precision leaves in back-substitutions and their differences
@@ -133,7 +133,8 @@ class Accuracy(Part):
     """The error allowed in all, and what that may cost. A number stands for ``{error: number}``."""
 
     error: Fraction = Field(
-        description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
+        description="of mesh and iterations together, relative, in the energy norm, between 0 and "
+                    "1")
     elements: Count | None = Field(None,
                                    description="no mesh has more tets than about this; none: no "
                                    "limit")
@@ -173,7 +174,8 @@ class Skip(Part):
                                "right-hand sides that are zero, equal or unchanged since the last "
                                "stage are not solved"))
     superposition: bool = Field(True, description=(
-        "perfect interfaces: load steps that are combinations of others follow from their solutions"))
+        "perfect interfaces: load steps that are combinations of others follow from their "
+        "solutions"))
     bound: bool = Field(True, description=(
         "the error bound's second part, which costs solves, is evaluated only once its first is "
         "below the tolerance"))

@@ -41,7 +41,8 @@ class Output(Part):
     fields: bool = Field(True,
                          description="write displacement and stress fields; cheap beside the solve")
     figures: bool = Field(True,
-                          description="draw the figures, as they are what most people look at first")
+                          description="draw the figures, as they are what most people look at "
+                                      "first")
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points, along paths, on surfaces, across sections; into "
         "summary.json, probes.csv, paths.csv"))

@@ -28,14 +28,14 @@ def find(data: Any, pattern: KeyPath, at: KeyPath = ()) -> Iterator[tuple[KeyPat
         return
     if not pattern:
         yield at, data
-    elif pattern[0] == "*":
-        for index, value in enumerate(data if isinstance(data, list) else []):
-            yield from find(value, pattern[1:], (*at, index))
-    elif isinstance(pattern[0], int):
-        if isinstance(data, list) and pattern[0] < len(data):
-            yield from find(data[pattern[0]], pattern[1:], (*at, pattern[0]))
-    elif isinstance(data, dict):
-        yield from find(data.get(pattern[0]), pattern[1:], (*at, pattern[0]))
+        return
+    key, *rest = pattern
+    if isinstance(data, dict) and key != "*":
+        yield from find(data.get(key), rest, (*at, key))
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            if key in ("*", index):
+                yield from find(value, rest, (*at, index))
 
 
 def entries(data: Any, *pattern: str | int) -> Iterator[tuple[KeyPath, dict[str, Any]]]:

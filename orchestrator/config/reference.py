@@ -1,4 +1,5 @@
-"""The model read out: as a JSON schema for editors that complete and check as one types, and as a reference in Markdown.
+"""The model read out: as a JSON schema for editors that complete and check as one types, and as a
+reference in Markdown.
 
 What is said of a key stands in the model alone: messages, schema and reference repeat it.
 """
@@ -19,16 +20,20 @@ from orchestrator.config.model import Config
 
 HEAD = """# Every key
 
-*Written by `orchestrator schema --keys` from the model that configurations are checked against. An entry of a list is
-meant where a heading ends with `[]`; "none" is what holds where a key without a default is left out.*
+*Written by `orchestrator schema --keys` from the model that configurations are checked \
+against. An entry of a list is
+meant where a heading ends with `[]`; "none" is what holds where a key without a default is left \
+out.*
 """
 WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 
 
 def schema() -> str:
-    """The JSON schema as text: keys, types, bounds, descriptions. Rules that concern several keys are ``check``'s alone. An entry that
-    names a law or a code is any of their models; a solver of one's own takes any keys."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$comment": "written by: orchestrator schema > configs/schema.json"}
+    """The JSON schema as text: keys, types, bounds, descriptions. Rules that concern several keys
+    are ``check``'s alone. An entry that names a law or a code is any of their models; a solver of
+    one's own takes any keys."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema",
+            "$comment": "written by: orchestrator schema > configs/schema.json"}
     return json.dumps({**head, **Config.model_json_schema()}, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -52,12 +57,15 @@ def reference() -> str:
         about = (section.model.__doc__ or "").split("\n\n")[0].strip()
         parts.append("\n".join([f"## {section.title}", "", " ".join(about.split()), "",
                                 "| key | takes | default | meaning |", "|---|---|---|---|",
-                                *(row(name, field) for name, field in section.model.model_fields.items())]) + "\n")
+                                *(row(name, field)
+                                  for name, field in section.model.model_fields.items())]) + "\n")
     return "\n".join(parts)
 
 
 def sections() -> list[KeySection]:
-    """All mappings, each before those inside it; a model that stands in several places is told at the first."""
+    """All mappings, each before those inside it; a model that stands in several places is told at
+    the first.
+    """
     found: list[KeySection] = []
     told: set[type[Part]] = set()
 
@@ -69,7 +77,8 @@ def sections() -> list[KeySection]:
         for name, field in section.model.model_fields.items():
             path = name if section.model is Config else f"{section.path}.{name}"
             for suffix, inside in mappings(field.annotation, field.metadata):
-                for kind, model in inside.shipped().items() if isinstance(inside, Chosen) else [("", inside)]:
+                for kind, model in inside.shipped().items() if isinstance(inside, Chosen) else [
+                    ("", inside)]:
                     tell(KeySection(path + suffix, f"{inside.key}: {kind}" if kind else "", model))
 
     tell(KeySection("the whole", "", Config))
@@ -77,13 +86,20 @@ def sections() -> list[KeySection]:
 
 
 def row(name: str, field: FieldInfo) -> str:
-    """One key: what it takes, its default, its meaning; of names that stand for models, the meaning says which."""
-    default = "**required**" if field.is_required() else f"`{plain(field)}`" if plain(field) is not None else "none"
-    return f"| `{name}` | {cell(takes([field.annotation, *field.metadata]))} | {default} | {cell(field.description or '')} |"
+    """One key: what it takes, its default, its meaning; of names that stand for models, the meaning
+    says which.
+    """
+    default = "**required**" if field.is_required() else f"`{plain(field)}`" if plain(
+        field) is not None else "none"
+    return (
+        f"| `{name}` | {cell(takes([field.annotation, *field.metadata]))} | {default} | "
+        f"{cell(field.description or '')} |")
 
 
 def plain(field: FieldInfo) -> str | None:
-    """The default as YAML writes it; None where there is none, or where it is a mapping that has a section."""
+    """The default as YAML writes it; None where there is none, or where it is a mapping that has a
+    section.
+    """
     value = field.get_default(call_default_factory=False) if field.default_factory is None else None
     if value is None or value is PydanticUndefined or isinstance(value, Part):
         return None
@@ -96,7 +112,8 @@ def takes(notes: list[Any]) -> str:
     if any(isinstance(note, Chosen) for note in others):
         return "a mapping"
     for note in others:
-        if isinstance(note, BeforeValidator) and note.json_schema_input_type is not PydanticUndefined:
+        if isinstance(note,
+                      BeforeValidator) and note.json_schema_input_type is not PydanticUndefined:
             return takes([note.json_schema_input_type])
     inner, origin = get_args(kind), get_origin(kind)
     if origin is Annotated:
@@ -104,18 +121,23 @@ def takes(notes: list[Any]) -> str:
     if origin in (Union, types.UnionType):  # the sentence that its messages say, where it has one
         tags = (note.tag for part in inner for note in get_args(part)[1:] if isinstance(note, Tag))
         sentence = next((tag[len(TAG) + 1:] for tag in tags if tag.startswith(TAG)), "")
-        return sentence or " or ".join(dict.fromkeys(takes([part]) for part in inner if part is not type(None)))
+        return sentence or " or ".join(dict.fromkeys(takes([part]) for part in inner
+                                                     if part is not type(None)))
     if origin is Literal:
-        return " or ".join(f"`{str(word).lower() if isinstance(word, bool) else word}`" for word in inner)
+        return " or ".join(f"`{str(word).lower() if isinstance(word, bool) else word}`"
+                           for word in inner)
     if origin is list:  # and how long it is where that is fixed
-        least, most = (next((getattr(note, key) for note in flat(others) if hasattr(note, key)), 0) for key in ("min_length", "max_length"))
+        least, most = (next((getattr(note, key) for note in flat(others) if hasattr(note, key)), 0)
+                       for key in ("min_length", "max_length"))
         entry = takes([inner[0]])
-        return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace("a mapping", "mappings")
+        return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace(
+            "a mapping", "mappings")
     if origin is dict:
         return f"a mapping of names to {takes([inner[1]])}"
     if isinstance(kind, type) and issubclass(kind, Part):
         return "a mapping"
-    bounds = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(others) for key, sign in SIGNS.items() if hasattr(note, key))
+    bounds = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(others)
+                           for key, sign in SIGNS.items() if hasattr(note, key))
     return WORDS.get(kind, "anything") + (" " + ", ".join(bounds) if bounds else "")
 
 

@@ -19,11 +19,13 @@ from orchestrator.config.conditions import (accuracy_possible, acting, direction
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import all_perfect, called_twice, codes, entries, find, follows, get, is_number, law_of, shown
+from orchestrator.config.paths import (
+    all_perfect, called_twice, codes, entries, find, follows, get, is_number, law_of, shown)
 from orchestrator.config.tools import PLACE, SHAPES, tools_fit
 from orchestrator.errors import KeyPath, Problem, dotted
 from orchestrator.registry import IN_VOLUMES, ON_FACES
 
+# of numbers in a configuration: squares of what is beyond leave double precision
 SMALLEST, HUGEST = 1e-30, 1e30
 
 SOURCES = ("beam", "box", "polycrystal", "file", "step")

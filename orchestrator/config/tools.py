@@ -9,7 +9,8 @@ from typing import Any
 
 from pydantic import Field
 
-from orchestrator.config.base import Axis, Frame, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
+from orchestrator.config.base import (
+    Axis, Frame, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit)
 from orchestrator.config.paths import find, free_at_times, get, rows_of
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, TOOL_LAW

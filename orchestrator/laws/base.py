@@ -185,7 +185,8 @@ class Facts:
         """Caution on these parameters for a reader of the results, to follow the interfaces' names;
         or nothing.
         """
-        return (f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
+        return (
+            f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
                 "convergence is not assured" if self.slips and self.friction > 1 else "")
 
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray,
@@ -320,8 +321,8 @@ class GroundLaw(Law):
 
     @property
     def held(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(3, 3, n) directions at [which, component, node], (3, n) bool, which of them are held, and
-        (3, n) displacements along these.
+        """(3, 3, n) directions at [which, component, node], (3, n) bool, which of them are held,
+        and (3, n) displacements along these.
         """
         raise NotImplementedError
 

@@ -77,7 +77,8 @@ class Cohesive(Law):
 
     name, Parameters = "cohesive", CohesiveEntry
     formula = "f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n"
-    meaning = "glue that breaks: traction up to the strength, then less, until the toughness is spent"
+    meaning = (
+        "glue that breaks: traction up to the strength, then less, until the toughness is spent")
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
     variables = (Variable("damage", "0 where the glue is whole, 1 where it is broken"),)
     measures = (

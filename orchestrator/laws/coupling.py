@@ -5,7 +5,8 @@ With the rigid motions R of the surface about the point, q their amounts and Q t
 that act there:
 
     rigid         u = R q                                    on the whole surface
-    distributed   q = G⁻¹ Rᵀ A u,  f = A R G⁻¹ Q,  G = Rᵀ A R    the mean motion, and the traction that varies linearly
+    distributed   q = G⁻¹ Rᵀ A u,  f = A R G⁻¹ Q,  G = Rᵀ A R    the mean motion, and the traction
+                                                                 that varies linearly
 
 Side 2 is the ground, which rests, so that the body moves by u = −d, d = (F − f̂)/keq. A motion j is
 prescribed, q_j = g_j, or loaded, Q_j = (Rᵀ f̂)_j = g_j; what is left are at most six equations for

@@ -36,7 +36,8 @@ class Status(int):
 
     def __new__(cls, number: int, name: str, colour: str, normal: Hold, tangential: Hold):
         status = super().__new__(cls, number)
-        status.name, status.colour, status.normal, status.tangential = name, colour, normal, tangential
+        status.name, status.colour = name, colour
+        status.normal, status.tangential = normal, tangential
         return status
 
     def __reduce__(self):

@@ -5,7 +5,7 @@ The cut's sides do not move across the axis, and along it all of them by the sam
 from side 1 to side 2, and the force N > 0 of a bolt that is pulled,
 
     tightened   Σ f̂·n = N,   d_n = d at all pairs:   d = (Σ F·n − N) / Σ keq_n,   f̂ = F − keq d n
-    locked      d as it was at the end of the load step before:                  f̂ = F − keq d_before
+    locked      d as at the end of the load step before:                        f̂ = F − keq d_before
 
 so that −d > 0 is what tightening has taken off the bolt's length. It is the pretension node of
 other codes: one unknown per bolt and load step, which the local stage finds in closed form.
@@ -52,18 +52,22 @@ class PretensionEntry(Entry):
     @classmethod
     def wrong_factors(cls, factors: Sequence[float]) -> tuple[str, str, str] | None:
         if min(factors) < 0:
-            return f"a factor of {min(factors):g}", "factors of 0 or above: a bolt pulls", "write positive factors"
+            return (
+                f"a factor of {min(factors):g}", "factors of 0 or above: a bolt pulls",
+                "write positive factors")
         if not any(factors):
-            return "a bolt that is never tightened", "a factor above 0 at some load step", "write one, or leave the bolt out"
+            return (
+                "a bolt that is never tightened", "a factor above 0 at some load step",
+                "write one, or leave the bolt out")
         return None
 
     def at_steps(self, factors: Sequence[float]) -> list[Entry]:
         """Before the history leaves zero the bolt is in place and holds by the length it has."""
         begun = next((t for t, x in enumerate(factors) if x), len(factors))
         last = next(t for t in range(len(factors)) if all(x == factors[t] for x in factors[t:]))
-        given = [t >= begun and (self.then == "force" or t <= last) for t in range(len(factors))]
-        return [self.model_copy(update={"force": x * self.force if by_force else None})
-                for x, by_force in zip(factors, given)]
+        last = len(factors) if self.then == "force" else last
+        return [self.model_copy(update={"force": x * self.force if begun <= t <= last else None})
+                for t, x in enumerate(factors)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,8 @@ With the directions e_i of a point, stiffnesses k_i per area from 0 (free) to in
 displacements g_i that are prescribed along them, the force on side 1, the body, is f̂ = Σ e_i φ_i.
 Side 2 is the ground, which rests, so that the body moves by −d:
 
-    φ_i / (k_i A) = g_i + d·e_i,    d = C (F − f̂),  C = 1/keq:    (Eᵀ C E + diag 1/(k_i A)) φ = Eᵀ C F + g
+    φ_i / (k_i A) = g_i + d·e_i,    d = C (F − f̂),  C = 1/keq:
+    (Eᵀ C E + diag 1/(k_i A)) φ = Eᵀ C F + g
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Support(GroundLaw):
     normal: np.ndarray
 
     name = "support"
-    formula, meaning = "f·e = k A (g − u·e), or u·e = g, in directions e", "a rigid ground: springs, or directions that are held"
+    formula = "f·e = k A (g − u·e), or u·e = g, in directions e"
+    meaning = "a rigid ground: springs, or directions that are held"
     # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to
     # be kept plane
     moves = Moves.GIVEN

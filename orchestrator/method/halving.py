@@ -23,7 +23,7 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.model import Scene
 
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
-INCREMENT = 4
+INCREMENT = 4  # load steps of a batch where there are more
 # of a load step, the smallest part: what does not settle in it snaps, and no path leads through
 LEAST = 1 / 16
 

@@ -2,10 +2,13 @@
 together.
 
     s                       the state, s = f̂ + k ŵ
-    linear stage            admissible fields u, w, f of s, eq. 20, with the macro problem, eq. 33 and 38
+    linear stage            admissible fields u, w, f of s, eq. 20, with the macro problem, eq. 33
+                            and 38
     coarse problem          whole bodies moved under the true laws, where there are such
-    local stage             ŵ, f̂ that satisfy the interface laws, eq. 3, 7 and 10, and the next state F(s) = f̂ + k ŵ
-    acceleration            relaxation, eq. 12, or the combination of all evaluations whose residual F(s) − s is least
+    local stage             ŵ, f̂ that satisfy the interface laws, eq. 3, 7 and 10, and the next
+                            state F(s) = f̂ + k ŵ
+    acceleration            relaxation, eq. 12, or the combination of all evaluations whose residual
+                            F(s) − s is least
     measures and monitors   indicator η, eq. 16, stopping criterion, and whatever else watches
 
 It knows no law, no code, no file and no monitor by name.

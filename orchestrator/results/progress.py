@@ -129,7 +129,7 @@ class Progress(Subscriber):
 
 
 class Remaining:
-    """What is known of a run's course; times are those of ``time.monotonic``.
+    """Course of a run, as far as it is known; times are those of ``time.monotonic``.
 
     nodes, steps, bonded : of the scene
     """
@@ -199,6 +199,6 @@ class Remaining:
 
 
 def measure(event: Iteration) -> float:
-    """What an iteration waits for, or what goes with it where that is not evaluated yet."""
+    """Return what an iteration waits for, or what goes with it where that is not evaluated yet."""
     told = getattr(event, event.target[0], math.nan), event.law_residual, event.force_imbalance
     return float(next((value for value in told if 0 < value < math.inf), math.nan))

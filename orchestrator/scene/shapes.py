@@ -113,7 +113,7 @@ def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
 
 
 FEWEST = 12  # nodes; a torus has seven unknowns
-STEPS = 8
+STEPS = 8  # of Gauss and Newton, which doubles its digits in each
 ON = 1e-2  # of what facets are off the surface, how far nodes may be
 NONE = 1e-9  # a share of directions that is rounding
 

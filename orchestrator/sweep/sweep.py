@@ -33,7 +33,7 @@ from orchestrator.sweep.variants import Variant
 from orchestrator.timing import Stopwatch
 
 NOTES, PICTURE = "sweep.json", "sweep.png"
-NOT_BEGUN = -1
+NOT_BEGUN = -1  # no exit code
 
 
 @dataclass

@@ -3,10 +3,10 @@ Newton's method is here.
 
     from orchestrator.blackbox.codes.nonlinear_adapter import NonlinearAdapter
 
-    class Solver(NonlinearAdapter):                    # blackbox: {code: my_solver.py, nonlinear: true}
-        def stiffness(self, model):                    # elastic, of all tets, as in ``Adapter``
+    class Solver(NonlinearAdapter):               # blackbox: {code: my_solver.py, nonlinear: true}
+        def stiffness(self, model):               # elastic, of all tets, as in ``Adapter``
             ...
-        def response(self, model, u, history):         # of the body, without soles
+        def response(self, model, u, history):    # of the body, without soles
             return forces, tangent, new_history
 
 Whoever has an iteration of their own derives from ``Adapter``, says ``nonlinear = own_matter =

@@ -34,7 +34,8 @@ _NO_SOLVER = 67  # exit code of ``python_server``
 _HOSTED = """import runpy, sys
 from importlib.util import module_from_spec, spec_from_file_location
 root = sys.argv.pop(1)
-spec = spec_from_file_location("orchestrator", root + "/__init__.py", submodule_search_locations=[root])
+spec = spec_from_file_location("orchestrator", root + "/__init__.py",
+                               submodule_search_locations=[root])
 sys.modules["orchestrator"] = module_from_spec(spec)
 spec.loader.exec_module(sys.modules["orchestrator"])
 runpy.run_module("orchestrator.blackbox.codes.python_server", run_name="__main__", alter_sys=True)
@@ -47,10 +48,12 @@ _PATIENCE = 60  # seconds for another interpreter to say what it has
 class PythonCode(MessageCode):
     """A class with the three methods of ``template``, in a process of its own.
 
-    As it is, the class is the one that ``code`` in the YAML names. A code with a name of its own derives from this one
-    and says which class it means; keys that its ``Settings`` add are keyword arguments of that class, as are ``options``.
+    As it is, the class is the one that ``code`` in the YAML names. A code with a name of its own
+    derives from this one and says which class it means; keys that its ``Settings`` add are keyword
+    arguments of that class, as are ``options``.
 
-    solver : ``file.py``, ``file.py:Class`` or ``package.module:Class``; empty: what ``settings.code`` says
+    solver : ``file.py``, ``file.py:Class`` or ``package.module:Class``; empty: what
+        ``settings.code`` says
     package : the Python package it needs beside itself, if any
     Raises InputError when the file, the module or the package is not there.
 
@@ -73,23 +76,28 @@ class PythonCode(MessageCode):
     forms: ClassVar[str] = "solver.py, solver.py:Class or package.module:Class"
     solver: ClassVar[str] = ""
     package: ClassVar[str] = ""
-    translation_invariant, own_matter = None, None  # said by the solver's class, which this process does not import
+    # said by the solver's class, which this process does not import
+    translation_invariant, own_matter = None, None
     mesh_suffix = "npz"
     meanings = {1: "an exception in the solver's Python code"}
 
     class PythonSettings(CodeSettings):
         """A solver in Python."""
 
-        loads: bool = Field(False, description="whether the solver's class brings loads of its own: loads(model, step)")
-        options: dict[Name, JsonValue] = Field({}, description="keyword arguments of the solver's class")
+        loads: bool = Field(False, description="whether the solver's class brings loads of its "
+                                               "own: loads(model, step)")
+        options: dict[Name, JsonValue] = Field({
+            }, description="keyword arguments of the solver's class")
         python: Name | None = Field(None, description=(
             "the interpreter that the solver's packages are installed for, as /usr/bin/python3, "
             "with numpy and SciPy; none: the orchestrator's own"))
         nonlinear: bool = Field(False, description=(
-            "whether the solver's class is nonlinear: advance(prepared, forces) and commit(prepared), load step by load step"))
+            "whether the solver's class is nonlinear: advance(prepared, forces) and "
+            "commit(prepared), load step by load step"))
 
         @property
-        def remembers(self) -> bool:  # as the entry says: the class is imported by its processes alone
+        # as the entry says: the class is imported by its processes alone
+        def remembers(self) -> bool:
             return self.nonlinear
 
         @property
@@ -117,21 +125,26 @@ class PythonCode(MessageCode):
         code = self.solver or self.settings.code
         where = code.rpartition(":")[0] or code
         if self.settings.nonlinear and self.settings.transport != "pipe":
-            raise _absent(f"{self.settings.transport} for a nonlinear solver", "a process that remembers load steps",
+            raise _absent(f"{self.settings.transport} for a nonlinear solver",
+                          "a process that remembers load steps",
                           "write transport: pipe, or leave it out", "transport")
         if self.package and not self.settings.python:
             try:
                 metadata.version(self.package)
             except metadata.PackageNotFoundError:
-                raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
+                raise _absent(f"no Python package {self.package} in {sys.prefix}",
+                              f"the package {self.package}",
                               f"{sys.executable} -m pip install {self.package}") from None
         if where.endswith(".py"):
             if not Path(where).is_file():
-                raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class", f"start from {TEMPLATE}")
+                raise _absent(f"no file {where}", "a Python file with a class Solver, or "
+                                                  "file.py:Class", f"start from {TEMPLATE}")
             code = str(Path(where).resolve()) + code[len(where):]
         elif not self.settings.python and not (  # the server looks in the current folder too
-                find_spec(top := where.partition(".")[0]) or PathFinder.find_spec(top, [os.getcwd()])):
-            raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
+                find_spec(top := where.partition(".")[0])
+                or PathFinder.find_spec(top, [os.getcwd()])):
+            raise _absent(f"no Python module {where}",
+                          "a module that can be imported, as package.module:Class",
                           "install it in this environment, or add its folder to PYTHONPATH")
         self._code = code
 
@@ -142,30 +155,39 @@ class PythonCode(MessageCode):
 
     @property
     def name(self) -> str:
-        """The name in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
+        """The name in the YAML; of a solver of the user's own the file or the module, without its
+        folder and class.
+        """
         code = self.settings.code
         return code if self.solver else Path(code.rpartition(":")[0] or code).name
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
-        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads", "nonlinear", "options", "python"})
+        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads",
+                                                             "nonlinear", "options", "python"})
         server = [self._code, json.dumps({**own, **self.settings.options}), requests, replies]
-        if not self.solver:  # a module of the user's own may be in the current folder; nothing else is looked for there first
+        # a module of the user's own may be in the current folder; nothing else is looked for there
+        # first
+        if not self.solver:
             server.append(os.getcwd())
         if self.settings.python:
             return [self.settings.python, "-c", _HOSTED, str(_ROOT / "orchestrator"), *server]
         return [sys.executable, "-P", "-m", "orchestrator.blackbox.codes.python_server", *server]
 
     def environment(self) -> dict[str, str]:
-        """The environment with this package among the modules; another interpreter is told where it is."""
+        """The environment with this package among the modules; another interpreter is told where it
+        is.
+        """
         if self.settings.python:
             return super().environment()
-        return {**super().environment(), "PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}
+        return {**super().environment(), "PYTHONPATH": os.pathsep.join(
+            [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}
 
     def mesh(self, model: Model) -> bytes:
         """The model as it is, in numpy's format."""
         origin, file = model.origin or Origin(*[np.empty(0, int)] * 3, ()), io.BytesIO()
-        own = {name: getattr(model, name) for name in ("name", "nodes", "cells", "region", "materials", "fixed", "trace")}
+        own = {name: getattr(model, name)
+               for name in ("name", "nodes", "cells", "region", "materials", "fixed", "trace")}
         np.savez(file, **own, **origin.arrays(len(model.nodes), len(model.cells)))
         return file.getvalue()
 
@@ -175,13 +197,15 @@ class PythonCode(MessageCode):
             return None
         return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare "
                                               "and solve, or another one's name after a colon, as "
-                                              "my_solver.py:Mine", f"name the class in code:, or start from {TEMPLATE}")
+                                              "my_solver.py:Mine",
+                                              f"name the class in code:, or start from {TEMPLATE}")
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""
         if not self.package:
             return ""
-        return _ask(self.settings.python, self.package) if self.settings.python else metadata.version(self.package)
+        return _ask(self.settings.python,
+                    self.package) if self.settings.python else metadata.version(self.package)
 
 
 class FourNodeCode(PythonCode):
@@ -190,7 +214,8 @@ class FourNodeCode(PythonCode):
     class FourNodeSettings(PythonCode.Settings):
         """A solver in Python."""
 
-        element: Literal["P1"] = Field("P1", description="linear tetrahedra: its adapter knows no other")
+        element: Literal["P1"] = Field("P1",
+                                       description="linear tetrahedra: its adapter knows no other")
 
     Settings = FourNodeSettings
 
@@ -200,31 +225,42 @@ def code_of(named: type) -> type[Code]:
     if issubclass(named, Code):
         return named
     kind = PythonCode if "P2" in named.elements else FourNodeCode
-    where = named.__module__ if "." in named.__module__ else os.path.abspath(getfile(named))  # of a package, or a file by itself
+    # of a package, or a file by itself
+    where = named.__module__ if "." in named.__module__ else os.path.abspath(getfile(named))
     return type(f"{named.__name__}Code", (kind,), {
-        "__doc__": named.__doc__, "__module__": named.__module__, "solver": f"{where}:{named.__qualname__}", "package": named.package,
+        "__doc__": named.__doc__, "__module__": named.__module__,
+        "solver": f"{where}:{named.__qualname__}", "package": named.package,
         "translation_invariant": named.translation_invariant, "own_matter": named.own_matter})
 
 
 @cache
 def _ask(python: str, package: str) -> str:
-    """Version of the package in another interpreter, which has what the server needs; raises InputError."""
+    """Version of the package in another interpreter, which has what the server needs; raises
+    InputError.
+    """
     lacks = f"an interpreter with numpy, SciPy{' and ' + package if package else ''}"
-    code = _NEEDED + (f"; from importlib.metadata import version; print(version({package!r}))" if package else "")
+    code = _NEEDED + (f"; from importlib.metadata import version; print(version({package!r}))"
+                      if package else "")
     try:
-        with tempfile.TemporaryDirectory(prefix="orchestrator-ask-") as empty:  # with -c modules of the current folder come first
-            done = subprocess.run([os.path.abspath(python) if os.sep in python else python, "-c", code], capture_output=True,
+        # with -c modules of the current folder come first
+        with tempfile.TemporaryDirectory(prefix="orchestrator-ask-") as empty:
+            done = subprocess.run([os.path.abspath(python) if os.sep in python else python, "-c",
+                                   code], capture_output=True,
                                   text=True, timeout=_PATIENCE, cwd=empty)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter", "python") from None
+        raise _absent(f"{python}, which cannot be run: {error}", lacks,
+                      "give the path of a Python interpreter", "python") from None
     first, *rest = done.stdout.splitlines() or [""]
     if done.returncode:
         said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
-        raise _absent(f"{python}, which says: {said}", lacks, "install them for that interpreter, or name another one", "python")
+        raise _absent(f"{python}, which says: {said}", lacks,
+                      "install them for that interpreter, or name another one", "python")
     if not re.fullmatch(r"\d+ \d+", first):
-        raise _absent(f"{python}, which does not answer as Python does", lacks, "give the path of a Python interpreter", "python")
+        raise _absent(f"{python}, which does not answer as Python does", lacks,
+                      "give the path of a Python interpreter", "python")
     if tuple(map(int, first.split())) < _OLDEST:
-        raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
+        raise _absent(f"{python}, which is Python {first.replace(' ', '.')}",
+                      f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
                       "name another interpreter", "python")
     return rest[0] if rest else ""
 

@@ -21,7 +21,8 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from orchestrator.blackbox.codes.adapter import NO_SOLVER, NoSolver, made, promised, read_model, solver_class
+from orchestrator.blackbox.codes.adapter import (
+    NO_SOLVER, NoSolver, made, promised, read_model, solver_class)
 from orchestrator.blackbox.diagnosis import diagnosis
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
@@ -194,7 +195,8 @@ class Server:
         matrix = sp.csr_array(self.solver.stiffness(model))
         if matrix.shape != (model.fixed.size,) * 2:
             raise ValueError(
-                f"stiffness() returned a matrix of shape {matrix.shape} for {model.fixed.size} dofs")
+                f"stiffness() returned a matrix of shape {matrix.shape} for {model.fixed.size} "
+                "dofs")
         if matrix.nnz:
             apart, size = abs(matrix - matrix.T).max(), abs(matrix).max()
             if apart > SYMMETRIC * size:

@@ -1,25 +1,27 @@
 """Your own solver as a black box: copy this file, replace the three bodies, and name the copy in
 the YAML.
 
-    blackbox: {code: my_solver.py}                        # every subdomain; the class is called Solver
-    blackbox:                                             # or some of them: the last match wins
+    blackbox: {code: my_solver.py}            # every subdomain; the class is called Solver
+    blackbox:                                 # or some of them: the last match wins
       - {code: freefem}
       - {code: my_solver.py, on: [punch]}
 
-    orchestrator conformance my_solver.py                 # does it keep the protocol?
+    orchestrator conformance my_solver.py     # does it keep the protocol?
 
 What arrives (``Model``), in the units of the YAML:
 
     name        of the subdomain, for messages
     nodes       (n, 3) coordinates
-    cells       (m, 4) four-node tets, positively oriented: the subdomain and the soles glued to its interfaces. (m, 10)
-                where element: P2 is asked for and the class says elements = ("P1", "P2"): then with the nodes in the
-                middle of the edges 01, 12, 02, 03, 13, 23
+    cells       (m, 4) four-node tets, positively oriented: the subdomain and the soles glued to its
+                interfaces. (m, 10) where element: P2 is asked for and the class says elements =
+                ("P1", "P2"): then with the nodes in the middle of the edges 01, 12, 02, 03, 13, 23
     region      (m,) row of ``materials`` for each tet
     materials   (r, 2) Young's modulus and Poisson's ratio
     fixed       (n, 3) dofs clamped to zero, among them the outer nodes of the soles
-    trace       (t,) dofs on interfaces: where forces come and displacements are wanted (you need not look at it)
-    sole        (m,) bool, tets that are soles: plain matter by their ``materials``, whatever the matter of yours is
+    trace       (t,) dofs on interfaces: where forces come and displacements are wanted (you need
+                not look at it)
+    sole        (m,) bool, tets that are soles: plain matter by their ``materials``, whatever the
+                matter of yours is
     volume      (m,) row of ``volumes``, the names of the mesh's volumes, for each tet; −1 for soles
     number      (n,) number of each node in the mesh of the YAML; −1 for soles
 
@@ -30,10 +32,12 @@ the run then ends too (``blackbox.timeout``).
 
 Two promises of the class, both False unless it says otherwise:
 
-    translation_invariant = True    answers depend neither on where a model is nor on its name: slices of a beam that
-                                    differ by a translation are then factorised once, and share all answers
-    own_matter = True               the material is yours, not ``materials``: its stiffness is then not held against
-                                    that of the YAML's moduli (symmetry and rigid motions are always tested)
+    translation_invariant = True    answers depend neither on where a model is nor on its name:
+                                    slices of a beam that differ by a translation are then
+                                    factorised once, and share all answers
+    own_matter = True               the material is yours, not ``materials``: its stiffness is then
+                                    not held against that of the YAML's moduli (symmetry and rigid
+                                    motions are always tested)
 
 The bodies below work as they are: linear tets by hand, scipy for the factorisation.
 """

@@ -113,8 +113,10 @@ class AlgebraWorker(Worker):
     def _check(self, model: Model, part, own: np.ndarray | slice = slice(None)) -> None:
         """Raises BlackBoxError where the model's nodes are not the joints'."""
         points = model.nodes[own][: len(part.joints.points)]
-        if len(points) < len(part.joints.points) or np.abs(points
-                                                           - part.joints.points).max() > PLACED * part.joints.size:
+        if (
+            len(points) < len(part.joints.points)
+            or np.abs(points - part.joints.points).max() > PLACED * part.joints.size
+        ):
             raise BlackBoxError("its joint nodes are not where its file has them", model.name)
 
 

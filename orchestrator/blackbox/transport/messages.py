@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
 
+# operations, by the numbers that the codes' scripts know them by
 LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS, ADVANCE = 1, 2, 3, 4, 5, 6, 7
 ELEMENTS = {4: 1, 10: 2}  # by nodes of a tet
 # Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03,
@@ -131,7 +132,9 @@ def check_residual(residual: float) -> None:
     """Raises BadReply when a solve left a relative residual that a sound factorisation does not
     leave.
     """
-    left = f"a probe solve left a relative residual of {residual:.1e}, expected at most {RESIDUAL_LIMIT:.0e}"
+    left = (
+        f"a probe solve left a relative residual of {residual:.1e}, expected at most "
+        f"{RESIDUAL_LIMIT:.0e}")
     if not residual <= SINGULAR:  # NaN included
         raise BadReply(f"the factorised matrix is singular: {left}",
                        "a part is not held, or has a zero or absurd modulus")

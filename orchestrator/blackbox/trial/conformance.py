@@ -22,6 +22,8 @@ from orchestrator.blackbox.trial.models import Trial, trial_models
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
 
+# of the stiffness, what rounding leaves of symmetry and of rigid motions' cost; of the largest
+# compliance, the least of an eigenvalue that is no rounding
 RIGID, DEFINITE = 1e-10, 1e-14
 MANY = 600  # load cases at once
 
@@ -58,7 +60,9 @@ def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
             for name, check in CHECKS.items():
                 yield name, *check(trial)
         left = [str(folder) for folder in folders if folder.exists()]
-        yield "nothing left", "no file, no process", f"{', '.join(left)} was left behind" if left else ""
+        yield (
+            "nothing left", "no file, no process",
+            f"{', '.join(left)} was left behind" if left else "")
     except BlackBoxError as error:
         yield "an answer at all", "", str(error)
 
@@ -79,7 +83,9 @@ def _reference_values(trial: Trial) -> tuple[str, str]:
 @check("stiffness, symmetry")
 def _symmetric(trial: Trial) -> tuple[str, str]:
     apart = max(difference(k.toarray().T, k.toarray()) for k in trial.stiffness)
-    return f"|K − Kᵀ| {apart:.0e}", "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|"
+    return (
+        f"|K − Kᵀ| {apart:.0e}",
+        "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|")
 
 
 @check("stiffness, rigid motions")
@@ -88,7 +94,9 @@ def _rigid(trial: Trial) -> tuple[str, str]:
     for model, k in zip(trial.models, trial.stiffness):
         modes = motions(model.nodes - model.nodes.mean(axis=0)).reshape(-1, 6)
         worst = max(worst, float(np.abs(k @ modes).max() / (abs(k).max() * np.abs(modes).max())))
-    return f"|K R| {worst:.0e}", "" if worst <= RIGID else f"rigid motions cost energy: |K R| is {worst:.1e} |K| |R|"
+    return (
+        f"|K R| {worst:.0e}",
+        "" if worst <= RIGID else f"rigid motions cost energy: |K R| is {worst:.1e} |K| |R|")
 
 
 @check("clamped and factorised")
@@ -140,7 +148,9 @@ def _many(trial: Trial) -> tuple[str, str]:
     full = np.zeros((MANY, trial.models[0].fixed.size))
     full[:, trial.models[0].trace] = rows
     apart = _row_by_row(found, trial.answers(0, full)[:, trial.models[0].trace])
-    return f"{apart:.0e}", "" if apart <= AGREE else f"of {MANY} load cases at once not all are answered as they are alone: {apart:.1e}"
+    return (
+        f"{apart:.0e}", "" if apart <= AGREE
+        else f"of {MANY} load cases at once not all are answered as they are alone: {apart:.1e}")
 
 
 @check("sizes of forces",
@@ -192,7 +202,8 @@ def _compliance(trial: Trial) -> tuple[str, str]:
     apart = difference(compliance.T, compliance)
     lowest = np.linalg.eigvalsh((compliance + compliance.T) / 2)[0] / np.abs(compliance).max()
     wrong = f"the interface compliance is not symmetric: {apart:.1e}" if apart > AGREE else \
-        f"the interface compliance is not positive: smallest eigenvalue {lowest:.1e}" if lowest < DEFINITE else ""
+        f"the interface compliance is not positive: smallest eigenvalue {lowest:.1e}" \
+        if lowest < DEFINITE else ""
     return f"asymmetry {apart:.0e}, smallest eigenvalue {lowest:.0e}", wrong
 
 
@@ -226,11 +237,17 @@ def _matter(trial: Trial) -> tuple[str, str]:
     values = np.linalg.eigvalsh(stiffness.toarray())
     left = difference((u @ stiffness)[:, free], forces[:, free])
     apart = difference(u, trial.expected(0))
-    wrong = f"forces move the body against them: of {energy.min():.2g} a load case gives energy away" if energy.min() <= 0 else \
-        f"its stiffness gives energy away: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}" if values[0] < -RIGID * values[-1] else \
-        f"rigid motions of the body cost energy: |K R| is {rigid:.1e} |K| |R|" if rigid > RIGID else \
-        f"displacements that do not fit its stiffness: {left:.1e} of the forces is left over" if left > AGREE else \
-        f"displacements otherwise than of a body without a place: {apart:.1e} ({OWN})" if not own and apart > AGREE else ""
+    wrong = \
+        f"forces move the body against them: of {energy.min():.2g} a load case gives energy away" \
+        if energy.min() <= 0 else \
+        f"its stiffness gives energy away: an eigenvalue of {values[0]:.3g} beside " \
+        f"{values[-1]:.3g}" if values[0] < -RIGID * values[-1] else \
+        f"rigid motions of the body cost energy: |K R| is {rigid:.1e} |K| |R|" \
+        if rigid > RIGID else \
+        f"displacements that do not fit its stiffness: {left:.1e} of the forces is left over" \
+        if left > AGREE else \
+        f"displacements otherwise than of a body without a place: {apart:.1e} ({OWN})" \
+        if not own and apart > AGREE else ""
     return f"smallest energy {energy.min():.2g}, {left:.0e} of the forces left over", wrong
 
 
@@ -265,8 +282,7 @@ def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:
     """
     if len(model.materials) < 2 or difference(found.toarray(), exact.toarray()) <= AGREE:
         return ""
-    only = np.where(np.arange(len(model.materials))[:, None, None]
-                    == np.arange(len(model.materials))[:, None], 1.0, 0.0)
+    only = np.eye(len(model.materials))[:, :, None]
     each = [
         Solver().stiffness(
             replace(model, materials=model.materials
@@ -278,5 +294,5 @@ def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:
         return ""
     return "; ".join(f"region {r + 1} of {len(factors)} counts {f:.6g} times"
                      for r, f in enumerate(factors)
-                     if abs(f
-                            - 1) > AGREE) + ": are the moduli of each tet those of materials[region]?"
+                     if abs(f - 1) > AGREE) + \
+        ": are the moduli of each tet those of materials[region]?"

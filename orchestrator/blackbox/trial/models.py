@@ -60,7 +60,9 @@ class Trial:
         for other, model in enumerate(self.models):
             if other != index and self.exact[other].shape == self.exact[index].shape:
                 if difference(found, self.answers(other, forces)[:, dofs]) <= AGREE:
-                    said = f"those of another model of the same size, the {model.name}: what solve() needs belongs to each"
+                    said = (
+                        f"those of another model of the same size, the {model.name}: what solve() "
+                        "needs belongs to each")
         return f"{what} of the {name}: {said}"
 
 

@@ -84,18 +84,22 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
         names = list(dict.fromkeys(words[4] for words in rows if len(words) == 5))
         joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names,
                         np.zeros((len(ids), 3), bool), np.eye(6))
-        yield "a call without joint nodes", f"{len(ids)} nodes" + (
-            f" of {', '.join(names)}" if names else "") + \
-            f", between {format_point(points.min(axis=0))} and {format_point(points.max(axis=0))}", ""
+        of = f" of {', '.join(names)}" if names else ""
+        between = f"{format_point(points.min(axis=0))} and {format_point(points.max(axis=0))}"
+        yield "a call without joint nodes", f"{len(ids)} nodes{of}, between {between}", ""
         answers = UnitAnswers.of(runs, joints, joints.size)
         n = len(answers.springs)
         yield f"{n + 3:,} cases in one call", f"springs of {answers.springs[0]:.3g} suit it", ""
         yield "repeated, linear, at rest without forces", "", ""
         yield "reciprocal, positive", f"asymmetry {answers.asymmetry:.0e}", ""
         yield "rigid motions", _held(joints, answers), ""
-        yield "digits", f"{answers.digits:.0e} of each is rounding" if answers.digits else "all that doubles have", ""
+        yield (
+            "digits", f"{answers.digits:.0e} of each is rounding" if answers.digits
+            else "all that doubles have", "")
     except InputError as error:
-        yield "it stops here", "", f"{error.problems[0].found}; expected {error.problems[0].expected}. {error.problems[0].cure}"
+        yield (
+            "it stops here", "", f"{error.problems[0].found}; expected "
+                                 f"{error.problems[0].expected}. {error.problems[0].cure}")
 
 
 def _held(joints: Joints, answers: UnitAnswers) -> str:

@@ -27,7 +27,7 @@ from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
-REGULARISATION = 1e-10
+REGULARISATION = 1e-10  # of scaled Gram matrices: five digits of what differences tell
 FORGET = 2.0  # times the best residual
 # Where matter is nonlinear, residuals of good steps rise and fall by up to three times: a window
 # dropped at twice the best is

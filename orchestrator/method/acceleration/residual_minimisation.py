@@ -57,7 +57,8 @@ class ResidualMinimisation(Acceleration):
     @classmethod
     def of(cls, d: Decomposition, method) -> ResidualMinimisation:
         """``relaxation: auto`` is 1."""
-        memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
+        memory = (
+            None if method.acceleration == "gmres" or method.memory == "auto" else method.memory)
         relaxation = 1.0 if method.relaxation == "auto" else method.relaxation
         return cls(d.stage.complete, 1 / d.stage.direction.diagonal, memory, relaxation,
                    d.space.team)

@@ -158,7 +158,11 @@ class CoarseCorrection:
     def steps(self) -> LinearSteps:
         """The linear steps with the local stage's groups; all ranks ask together."""
         groups, bodies = self.local.groups, self.problem.bodies
-        if self._steps is None or self._steps.bodies is not bodies or self._steps.groups is not groups:
+        if (
+            self._steps is None
+            or self._steps.bodies is not bodies
+            or self._steps.groups is not groups
+        ):
             self._steps = LinearSteps.of(bodies, groups, self.response)
         return self._steps
 

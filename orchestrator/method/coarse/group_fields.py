@@ -1,7 +1,8 @@
-"""What the coarse problem's fields change where pairs of several bodies answer together, see
-``interface.node_stage``.
+"""Fields of the coarse problem where pairs of several bodies answer together, see
+``interface.node_stage``: what they change.
 
-    db = D y,  D = B (N W / copies − C N F);      what forces answer:  X D y,  X = J⁻¹ A keq,  J = 1 − (1 − δ) A (1 − keq S)
+    db = D y,  D = B (N W / copies − C N F)
+    what forces answer:  X D y,  X = J⁻¹ A keq,  J = 1 − (1 − δ) A (1 − keq S)
 
 A group's bodies all feel each other: Tᵀ X D has blocks beside those of interfaces.
 """

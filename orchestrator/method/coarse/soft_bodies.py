@@ -40,7 +40,8 @@ class BesideAffine:
     """
 
     def __init__(self, scene: Scene, blackbox: GuardedTraces, on: np.ndarray):
-        self.blackbox, self.on, self.of, self.space = blackbox, on, blackbox.owned, blackbox.direction.space
+        self.blackbox, self.on = blackbox, on
+        self.of, self.space = blackbox.owned, blackbox.direction.space
         self.x, component = _within(scene, self.space), self.space.global_dof % 3
         fields, at = np.zeros((12, len(component))), np.arange(len(component))
         for m, monomial in enumerate([np.ones(len(self.x)), *self.x.T]):

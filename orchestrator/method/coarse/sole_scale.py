@@ -68,7 +68,12 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]],
     own, team = [scene.subdomains[e] for e in direction.space.subdomains], direction.space.team
     opens = np.array([not i.law.joins for i in scene.interfaces], dtype=bool)
     anywhere, = team.max(opens.any())
-    if not anywhere or not method.sole.fit or method.coarse == "none" or method.sole.contact != "springs":
+    if (
+        not anywhere
+        or not method.sole.fit
+        or method.coarse == "none"
+        or method.sole.contact != "springs"
+    ):
         return direction, 1.0, 0
     # not worth it to look again where every answer costs a factorisation
     again = not team.max(any(not blackbox.traits(s.code).keeps_models for s in own))[0]

@@ -48,8 +48,8 @@ AROUND = np.sqrt(0.5)
 
 @dataclass(frozen=True)
 class HandedOver:
-    """What one interface hands over in the motion of its surfaces that its force and moment are
-    along, T load steps.
+    """Work that one interface hands over in the motion of its surfaces that its force and moment
+    are along, T load steps.
 
     name : of the interface
     power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of

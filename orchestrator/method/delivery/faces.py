@@ -3,7 +3,8 @@
 With p the pressure, t the friction traction and A the area of a point, r its arm about the centre
 of Σ μ p A, n the plane's normal,
 
-    N = Σ p A,   F = |Σ t A|,   C = Σ μ p A,   M = |Σ n·(r × t) A|,   D = Σ μ p A |r|,   used = √((F/C)² + (M/D)²)
+    N = Σ p A,   F = |Σ t A|,   C = Σ μ p A,   M = |Σ n·(r × t) A|,   D = Σ μ p A |r|,
+    used = √((F/C)² + (M/D)²)
 
 (1 on the ellipsoid between the force alone and the moment alone that make the whole face slide:
 Howe & Cutkosky, Int. J. Robotics Res. 15, 1996). On a round face F is along the axis and M about

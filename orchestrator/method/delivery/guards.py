@@ -45,7 +45,7 @@ WORK = 1e-5  # relative difference of the two external works
 # claims
 LAWS = 100.0
 BEYOND = 10.0  # noise of answers over the tolerance, with contact
-ROUNDING = 1e-9
+ROUNDING = 1e-9  # of all forces that soles feel, what counts as none
 
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts,

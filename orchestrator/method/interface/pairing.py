@@ -17,7 +17,8 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Points
 from orchestrator.method.interface.pairs import Pairs, Run
-from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
+from orchestrator.method.interface.point_traces import (
+    NodeCompliance, inverses, node_blocks, search_stiffness)
 from orchestrator.method.interface.rows import bounds_of
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
@@ -193,7 +194,8 @@ def geometry_of(points: np.ndarray, interface: Interface, shares: np.ndarray) ->
         area = np.einsum("ni,ni->n", vectors, normal)
         if not len(interface.triangles):
             area = np.full(len(points), np.inf)
-        elif interface.law.as_one or interface.law.rigidity < np.inf:  # as much of a face as there is, however it is bent
+        # as much of a face as there is, however it is bent
+        elif interface.law.as_one or interface.law.rigidity < np.inf:
             area = node_areas(points, interface.triangles, shares)
     else:
         area, free = np.zeros(len(points)), np.ones_like(free)

@@ -9,7 +9,8 @@ that reads the forces of points from traces,
 Where G₁ and G₂ pick the nodes of pairs this is, with k = k⁺ on both sides, d = w₂ − w₁ and n from
 side 1 to side 2,
 
-    F = ½(f₁ − f₂) + ½k(w₂ − w₁),   keq = k/2,   ŵ₁ = w₁ + (f̂ − f₁)/k,   ŵ₂ = w₂ − (f̂ + f₂)/k = ŵ₁ + d
+    F = ½(f₁ − f₂) + ½k(w₂ − w₁),   keq = k/2,
+    ŵ₁ = w₁ + (f̂ − f₁)/k,   ŵ₂ = w₂ − (f̂ + f₂)/k = ŵ₁ + d
 
 Elsewhere points share nodes, and d changes with f̂ by −S, S = B C Bᵀ, of which keq⁻¹ is the normal
 and the tangential part at each point, times what makes it the larger of the two: then f̂ ← law is a

@@ -44,8 +44,11 @@ def allowed_residual(tolerance) -> float:
     """
     if tolerance.error == "auto":
         return tolerance.fraction * FINE
-    return math.sqrt(
-        tolerance.indicator) if tolerance.indicator is not None else tolerance.law or tolerance.error
+    return (
+        math.sqrt(tolerance.indicator)
+        if tolerance.indicator is not None
+        else tolerance.law or tolerance.error
+    )
 
 
 def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
@@ -89,7 +92,9 @@ def cautions(method) -> list[str]:
     if asked == "auto" or asked <= NOTICED * allowed:
         return []
     floor = FLOOR * asked
-    says = f"method.contact.stabilisation {asked:g} leaves a law residual of about {floor:.0e}, more where bodies go far: "
+    says = (
+        f"method.contact.stabilisation {asked:g} leaves a law residual of about {floor:.0e}, more "
+        "where bodies go far: ")
     if floor >= allowed:
         return [says
                 + f"the tolerance, {allowed:.0e}, is probably out of reach; take auto, or at most "

@@ -1,4 +1,4 @@
-"""What the loads and prescribed displacements give before any interface force acts.
+"""Answers to the loads and prescribed displacements before any interface force acts.
 
 Prescribed displacements are lifted: u = u_free + u_lift, the black box clamps, and the load becomes
 f_d = f_ext − K u_lift. K u_lift needs the tets around the prescribed nodes only: the rims. Soles on
@@ -194,8 +194,8 @@ def apply_loads(scene: Scene, direction: SearchDirection, node_counts: list[int]
 
 
 def bodies_of(scene: Scene, joins: Callable[[Interface], bool]) -> tuple[int, np.ndarray]:
-    """Return how many bodies the subdomains are that interfaces join, and (subdomains,) int, the body of
-    each."""
+    """Return how many bodies the subdomains are that interfaces join, and (subdomains,) int, the
+    body of each."""
     joined = ends_of(i for i in scene.interfaces if joins(i))
     return components(*joined.T, len(scene.subdomains))
 

@@ -20,7 +20,8 @@ and δ is added to what the stage finds: the elastic problems then extrapolate f
 At the fixed point they correct nothing (α = 0, y = 0), so that what is found is the true answer's.
 At the end of a load step it is committed, with the forces that it ended with. Its pseudo-loads
 
-    p = K u − r(u)      (on all dofs; r: the forces that u needs; zero where matter and soles are elastic)
+    p = K u − r(u)      (on all dofs; r: the forces that u needs; zero where matter and soles are
+                        elastic)
 
 make the elastic problem answer u: M u_free = f_d + Nᵀs + p. As loads of the scene they serve all
 that is delivered: fields, reactions, balance.
@@ -176,7 +177,8 @@ class Nonlinear:
     def __init__(self, blackbox: BlackBox, space: TraceSpace, own: Sequence[Subdomain],
                  traces: Sequence[np.ndarray],
                  dofs: Sequence[int], reload: Callable[[], Loading]):
-        self.blackbox, self.space, self.own, self.traces, self.dofs, self.reload = blackbox, space, own, traces, dofs, reload
+        self.blackbox, self.space, self.own = blackbox, space, own
+        self.traces, self.dofs, self.reload = traces, dofs, reload
         self.members = [e for e, s in enumerate(own) if s.remembers]
         self.external = {e: own[e].loads.copy() for e in self.members}  # without pseudo-loads
 

@@ -1,8 +1,9 @@
 """Bodies that move further than small displacements allow, noticed while it runs.
 
-What is squeezed out between its neighbours comes to rest, if at all, only after moving many times what is prescribed. The
-rigid motion that supports leave a body (see ``law_residuals``) is compared with the body itself at every iteration and load
-step. What stays too large for ``PATIENCE`` iterations, or is so at the end, is told with what touches the body there.
+What is squeezed out between its neighbours comes to rest, if at all, only after moving many times
+what is prescribed. The rigid motion that supports leave a body (see ``law_residuals``) is compared
+with the body itself at every iteration and load step. What stays too large for ``PATIENCE``
+iterations, or is so at the end, is told with what touches the body there.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class FarBody:
     shift : how far its centre has moved, over the diagonal of the box around it
     turn : how far it has turned, in radians
     along : (3,) unit vector of the motion; of the axis where it turns more than it moves
-    sticking, sliding, apart : names of the neighbours that keep it from moving across them, that only press on it,
-        and that do not touch it
+    sticking, sliding, apart : names of the neighbours that keep it from moving across them, that
+        only press on it, and that do not touch it
     """
 
     body: str
@@ -55,22 +56,28 @@ class FarBody:
 
     def __str__(self) -> str:
         along = "(" + ", ".join(f"{x:.2g}" for x in np.round(self.along, 2) + 0.0) + ")"
-        way = f"{self.shift:.0%} of its size" if self.shift < 1 else f"{self.shift:,.3g} times its size"
-        moved = f"has turned by {self.turn:.2g} rad about {along}" if self.turns else f"has moved by {way} along {along}"
-        return (f"{self.body} {moved} at load step {self.load_step} (since iteration {self.iteration}), beyond small "
+        way = f"{self.shift:.0%} of" if self.shift < 1 else f"{self.shift:,.3g} times"
+        moved = f"moved by {way} its size along {along}"
+        if self.turns:
+            moved = f"turned by {self.turn:.2g} rad about {along}"
+        return (f"{self.body} has {moved} at load step {self.load_step} (since iteration "
+                f"{self.iteration}), beyond small "
                 f"displacements: {self._touch}. What would hold it: {self._cure}")
 
     @property
     def _touch(self) -> str:
         parts = [f"{what} {some(names)}" for what, names in (
-            ("sticks to", self.sticking), ("slides on", self.sliding), ("does not touch", self.apart)) if names]
+            ("sticks to", self.sticking), ("slides on", self.sliding),
+            ("does not touch", self.apart)) if names]
         return ", ".join(parts) or "it has no neighbours"
 
     @property
     def _cure(self) -> str:
         face = "a displacement prescribed on one of its faces"
         if self.sticking:
-            return f"{face}, or another neighbour that stops it from {'turning' if self.turns else 'moving'} that way"
+            return (
+                f"{face}, or another neighbour that stops it from "
+                f"{'turning' if self.turns else 'moving'} that way")
         if self.sliding:
             return f"{face}, more friction on {some(self.sliding)}, or a neighbour in its way"
         return face + (f", or a law that joins it to {some(self.apart)}" if self.apart else "")
@@ -87,8 +94,9 @@ class FarBodies(Monitor):
     name = "far_bodies"
 
     def __init__(self, lengths: LengthScale, numbers: Sequence[int]):
-        self.lengths, self.numbers = lengths, [int(number) for number in numbers]
-        self.since = np.zeros((lengths.count, len(self.numbers)), dtype=int)  # iteration; 0: not far
+        self.lengths, self.numbers = lengths, list(map(int, numbers))
+        # iteration; 0: not far
+        self.since = np.zeros((lengths.count, len(self.numbers)), dtype=int)
         self.far: list[FarBody] = []
         self.told: set[str] = set()
 
@@ -112,27 +120,33 @@ class FarBodies(Monitor):
         far = excess > 1  # not a number: the run ends as diverged
         self.since = np.where(far, np.where(self.since > 0, self.since, iteration), 0)
         lasting = far & ((iteration - self.since >= PATIENCE - 1) | ended)
-        bodies = np.flatnonzero(lasting.any(axis=1))
+        bodies, self.far = np.flatnonzero(lasting.any(axis=1)), []
         if not len(bodies):
-            self.far = []
             return []
         touch, names = self._touch(now.problem, now.local), self.lengths.names
-        self.far = []
-        for b in bodies[np.argsort(-np.where(lasting, excess, 0.0)[bodies].max(axis=1), kind="stable")]:
+        for b in bodies[np.argsort(-np.where(lasting, excess, 0.0)[bodies].max(axis=1),
+                                   kind="stable")]:
             t = int(np.argmax(np.where(lasting[b], excess[b], 0.0)))
-            motion = rigid[b, t, 3:] if turn[b, t] / ROTATION > shift[b, t] / DISPLACEMENT else rigid[b, t, :3]
-            around = {names[other]: max(touch[pair][t] for pair in ((b, other), (other, b)) if pair in touch)
-                      for other in dict.fromkeys(x for pair in touch if b in pair for x in pair if x != b)}
-            self.far.append(FarBody(names[b], self.numbers[t], int(self.since[b, t]), float(shift[b, t]), float(turn[b, t]),
+            turns = turn[b, t] / ROTATION > shift[b, t] / DISPLACEMENT
+            motion = rigid[b, t, 3:] if turns else rigid[b, t, :3]
+            around = {}
+            for pair, kinds in touch.items():
+                if b in pair:
+                    other = names[sum(pair) - b]
+                    around[other] = max(around.get(other, 0), kinds[t])
+            self.far.append(FarBody(names[b], self.numbers[t], int(self.since[b, t]),
+                                    float(shift[b, t]), float(turn[b, t]),
                 (motion / np.linalg.norm(motion)).tolist(),
-                *([name for name, what in around.items() if what == wanted] for wanted in (2, 1, 0))))
+                *([name for name, what in around.items() if what == wanted]
+                  for wanted in (2, 1, 0))))
         new = [body for body in self.far if body.body not in self.told]
         self.told.update(body.body for body in new)
         return new
 
     def state(self) -> dict[str, Any]:
         since = [[*place, int(self.since[*place])] for place in np.argwhere(self.since).tolist()]
-        return {"since": since, "told": sorted(self.told), "far": [asdict(body) for body in self.far]}
+        return {"since": since, "told": sorted(self.told),
+                "far": [asdict(body) for body in self.far]}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.since[:] = 0
@@ -141,8 +155,11 @@ class FarBodies(Monitor):
         self.told, self.far = set(state["told"]), [FarBody(**body) for body in state["far"]]
         return problem
 
-    def _touch(self, problem: Decomposition, local: LocalState) -> dict[tuple[int, int], np.ndarray]:
-        """Two bodies → (T,) int: 0 where they are apart, 1 where they only press on each other, 2 where they stick."""
+    def _touch(self, problem: Decomposition,
+               local: LocalState) -> dict[tuple[int, int], np.ndarray]:
+        """Two bodies → (T,) int: 0 where they are apart, 1 where they only press on each other, 2
+        where they stick.
+        """
         pairs, interfaces, body = problem.local.pairs, problem.scene.interfaces, self.lengths.body
         statuses = table(i.law for i in interfaces)
         holds = np.array([2 if s.tangential else int(bool(s.normal)) for s in statuses])
@@ -163,4 +180,5 @@ def sentences(bodies: Sequence[FarBody]) -> list[str]:
     """A sentence for each of the farthest, and one for the others."""
     result = [str(body) for body in bodies[:SHOWN]]
     rest = [body.body for body in bodies[SHOWN:]]
-    return result + ([f"{len(rest)} more bodies are beyond small displacements: {some(rest)}"] if rest else [])
+    return result + ([f"{len(rest)} more bodies are beyond small displacements: {some(rest)}"]
+                     if rest else [])

@@ -50,7 +50,11 @@ class Weakening(Monitor):
     @classmethod
     def of(cls, case: Case) -> Weakening | None:
         problem = case.problem
-        if problem.all_perfect or problem.coarse is None or problem.local.pairs.stabilisation is None:
+        if (
+            problem.all_perfect
+            or problem.coarse is None
+            or problem.local.pairs.stabilisation is None
+        ):
             return None
         return cls(allowed_residual(case.method.tolerance)) if problem.coarse.anew else None
 

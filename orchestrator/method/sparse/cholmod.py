@@ -22,7 +22,7 @@ from threading import Lock
 import numpy as np
 import scipy.sparse as sp
 
-VERSIONS = (5, 4, 3)
+VERSIONS = (5, 4, 3)  # of its shared library whose settings are laid out alike
 ROOM = 1 << 16  # bytes for the settings: more than any version takes
 ORDERS = {"amd": 2, "metis": 3}  # minimum degree, nested dissection
 SUPERNODAL, LOWER, LONG, REAL, DOUBLE, SYSTEM = 2, -1, 2, 1, 0, 0  # constants of cholmod.h
@@ -80,7 +80,9 @@ def library() -> ctypes.CDLL | None:
     none that is known.
     """
     for version in VERSIONS:
-        name = f"libcholmod.{version}.dylib" if sys.platform == "darwin" else f"libcholmod.so.{version}"
+        name = (
+            f"libcholmod.{version}.dylib" if sys.platform == "darwin"
+            else f"libcholmod.so.{version}")
         for place in (str(Path(sys.prefix, "lib", name)), name):
             try:
                 found = ctypes.CDLL(place)
@@ -129,7 +131,8 @@ class Cholesky:
         self.size = lower.shape[0]
         found.cholmod_l_start(self._room)
         settings = _Settings.from_buffer(self._room)
-        settings.supernodal, settings.print, settings.quick_return, settings.methods = SUPERNODAL, 0, 1, 1
+        settings.supernodal, settings.print = SUPERNODAL, 0
+        settings.quick_return, settings.methods = 1, 1
         settings.method[0].ordering = ORDERS[order]
         matrix, _kept = _sparse(lower)
         with _ALONE:

@@ -232,7 +232,8 @@ class AdmissibleDisplacement:
         free; ``goal``: (3, P).
         """
         groups = [] if answer.collective is None else [(at, given)
-                                                       for at, given, _ in answer.collective.groups() if self.mine[at].any()]
+                                                       for at, given, _ in answer.collective.groups(
+                                                           ) if self.mine[at].any()]
         pairs = np.unique(np.concatenate([np.zeros(0, int), *(at for at, _ in groups)]))
         common = np.zeros((3 * len(pairs), len(groups)))
         for k, (at, given) in enumerate(groups):

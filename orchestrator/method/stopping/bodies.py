@@ -12,7 +12,9 @@ from orchestrator.scene.conditions.rigid import motions_about, RIGID
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.geometry import unit
 
-FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
+# eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of
+# it moves
+FREE = 1e-12
 
 
 class JoinedBodies:
@@ -24,10 +26,12 @@ class JoinedBodies:
     count, names : of the bodies; of what is joined, the first one's name
     body : (subdomains,) int, the body of each; own : of this rank's subdomains
     size, centre : (count,) half the diagonal of the box around each, and (count, 3) its middle
-    motions : per own subdomain (boundary dofs, 6) of the body's translations, and of its rotations about the centre over its size
+    motions : per own subdomain (boundary dofs, 6) of the body's translations, and of its rotations
+        about the centre over its size
     gram : (count, 6, 6) products of these over all boundary dofs
     held : (count, 6, 6) the same over the dofs that supports hold, and over what grounds keep
-    loose : (count, 6, 6) combinations of the motions that supports leave; zero columns for the others
+    loose : (count, 6, 6) combinations of the motions that supports leave; zero columns for the
+        others
     """
 
     def __init__(self, d: Decomposition, joins: Callable[[Interface], bool], grounds: bool = False):
@@ -35,11 +39,13 @@ class JoinedBodies:
         subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
         self.count, self.body = bodies_of(d.scene, joins)
         self.own = self.body[d.space.subdomains]
-        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]
+        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body)
+                      for body in range(self.count)]
         low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
         for s, body in zip(d.own, self.own):
             x = nodes[s.nodes]
-            low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
+            low[body] = np.minimum(low[body], x.min(axis=0))
+            high[body] = np.maximum(high[body], x.max(axis=0))
         ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, self.count, 3))
         low, high = -ends[0], ends[1]
         self.size, self.centre = np.linalg.norm(high - low, axis=1) / 2, (low + high) / 2

@@ -87,7 +87,8 @@ class ErrorBound:
 
     def __init__(self, direction: SearchDirection, stiffness: Blocks, modes: list[np.ndarray],
                  external: np.ndarray):
-        self.space, self.stiffness, self.external, self.floor = direction.space, stiffness, external, 0.0
+        self.space, self.stiffness = direction.space, stiffness
+        self.external, self.floor = external, 0.0
         weight, balancing = stiffness.diagonal(), Balancing
         if self.space.by_nodes:
             weight, balancing = per_node(weight, self.space), NodeBalancing

@@ -35,6 +35,7 @@ from orchestrator.method.linear.loading import NOTHING
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.interface import Interface
+from orchestrator.scene.interfaces.mortar.operators import TURNED
 from orchestrator.scene.mesh.geometry import areas, shape_gradients
 from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions
 from orchestrator.scene.model import Scene
@@ -84,7 +85,8 @@ class Estimator:
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, label: np.ndarray, lame: np.ndarray,
                  thermal: np.ndarray | None = None,
                  body_force: np.ndarray | None = None, loads: Sequence[np.ndarray] = ()):
-        self.cells, self.lame, self.thermal, self.body_force, self.loads = cells, lame, thermal, body_force, loads
+        self.cells, self.lame = cells, lame
+        self.thermal, self.body_force, self.loads = thermal, body_force, loads
         self.joined = np.unique(label, return_inverse=True)[1].ravel()
         self.gradients, self.volumes = shape_gradients(nodes, cells)
         self._prepare(nodes, label)
@@ -218,7 +220,6 @@ def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
     return max(own, NOTHING * most) or 1.0
 
 
-TURNED = [0, 2, 1, 5, 4, 3]  # the master's facets, looked at from outside
 Traces = Callable[[Interface, int], np.ndarray]
 
 

@@ -26,8 +26,8 @@ from orchestrator.method.stopping.known_answers import KnownAnswers
 # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's
 # square
 RELATIVE_TAIL = 0.02
-MAX_STEPS = 100
-LONGER = 3
+MAX_STEPS = 100  # of conjugate gradients; what is left then is told as the tail
+LONGER = 3  # times the steps that would do, from which what is left need not be known from above
 # of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
 CLOSELY = 1e-4
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error

@@ -6,7 +6,8 @@ T, and half of the leap of its traction [σn] on faces between two tets, loads t
 Displacements e that are cubic and zero at the tet's ten nodes, ten functions per component, answer
 it:
 
-    ∫_T ε(e) : C ε(v) = ∫_T (div σ + b) · v − ½ Σ_faces ∫ [σn] · v     for all such v,      η²_T = ∫_T ε(e) : C ε(e)
+    ∫_T ε(e) : C ε(v) = ∫_T (div σ + b) · v − ½ Σ_faces ∫ [σn] · v     for all such v,
+    η²_T = ∫_T ε(e) : C ε(e)
 
 On faces of one tet alone v is zero. So neither loads on faces nor the tractions of contact, of
 supports and of bonds between meshes that do not match have to be known as fields. Across perfect

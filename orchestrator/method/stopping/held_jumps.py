@@ -21,7 +21,7 @@ ALONG = 0.5  # cosine to the normal: directions are along it or across
 
 @dataclass(frozen=True)
 class Charges:
-    """What the laws of one load step say of jumps (3, P), beside λ̂.
+    """Price that the laws of one load step put on jumps (3, P), beside λ̂.
 
     charge : jumps → (P,) γ; broken : jumps → (b,) int, pairs where they break what has no price
     normal : (3, P)

@@ -14,7 +14,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 
-EXACT_LIMIT = 50_000
+EXACT_LIMIT = 50_000  # trace dofs, beyond which a factor of k for the inverse norm is dear
 
 
 @dataclass(frozen=True)

@@ -52,12 +52,14 @@ class BodyMotion:
         turns = np.linalg.norm(self.turn) > np.linalg.norm(self.shift)
         along = np.array(self.turn if turns else self.shift)
         along = np.round(along / np.linalg.norm(along), 2) + 0.0
-        return f"{self.body} {'turns about' if turns else 'moves along'} ({', '.join(f'{x:.2g}' for x in along)})"
+        return (
+            f"{self.body} {'turns about' if turns else 'moves along'} "
+            f"({', '.join(f'{x:.2g}' for x in along)})")
 
 
 @dataclass(frozen=True)
 class LimitLoad:
-    """What shows that the loads of a load step cannot be carried.
+    """Motions that show that the loads of a load step cannot be carried.
 
     load_step : from 1
     motions : of the bodies, the farthest first, in which loads do more work than anything resists
@@ -77,7 +79,9 @@ class LimitLoad:
     prescribed: bool = False
 
     def __str__(self) -> str:
-        how = "at the pressures that are there, friction and contact resist" if self.pressures else "contact and friction can resist"
+        how = (
+            "at the pressures that are there, friction and contact resist" if self.pressures
+            else "contact and friction can resist")
         moves = "; ".join(map(str, self.motions[:SHOWN]))
         rest = [motion.body for motion in self.motions[SHOWN:]]
         if self.prescribed:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 WIDTH = 9.0  # of a figure, inches
 UNKNOWN = "#bfbfbf"
 SHARP = 30.0  # degrees by which faces turn at an edge that is drawn
-MARGIN = 1.04
+MARGIN = 1.04  # of a view over what is in it
 # share of what is seen that the scale holds, in a view so wide; what is beyond stands out
 HIGH, SEEN = 0.99, 400
 ABOVE = 1.5  # of that, from which the peak is beyond; else the scale ends there

@@ -21,7 +21,7 @@ from orchestrator.scene.mesh.mesh import Mesh
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from
 # which it counts.
 AROUND, DEEP = 8, 0.1 * ROUND
-ROUNDING = 1e-9
+ROUNDING = 1e-9  # of barycentric coordinates
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from orchestrator.scene.mesh.checks import DENSITY, check_complete, check_conten
 from orchestrator.scene.names import matching, suggestion, unique_names
 
 gmsh = Late("gmsh")
+# gmsh's numbers of algorithms and of elements
 HXT, DELAUNAY = 10, 1
-TRIANGLE, TET = 2, 4
+TRIANGLE, TET = 2, 4  # the latter
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers,
 # but gives up
 # on coarse curved surfaces; there finer circles help, where Delaunay does not.

@@ -127,7 +127,7 @@ def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
 
 CONTRAST = 10.0  # of moduli in one side's first row of cells
 SLENDER = 10.0  # largest over smallest extent
-SLACK = 1e-6
+SLACK = 1e-6  # of coordinates in files: bricks of exactly that shape count as slender
 # Copies of nearly incompressible ten-node tets resist by √(λ μ), so that √(μ/λ) of it is what the
 # softest of the subdomain's own
 # ways to move resist. With ν = .499, .045 of it, soft modes save 12 of 64 stages for 416

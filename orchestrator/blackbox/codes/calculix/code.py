@@ -58,7 +58,9 @@ class CalculiX(Code):
         wanted = os.environ.get("ORCHESTRATOR_CALCULIX", "")
         self.executable = shutil.which(wanted or "ccx")
         if self.executable is None:
-            found = f"ORCHESTRATOR_CALCULIX={wanted} is no executable" if wanted else "no ccx in the path"
+            found = (
+                f"ORCHESTRATOR_CALCULIX={wanted} is no executable" if wanted
+                else "no ccx in the path")
             raise wrong(("blackbox", "code"), found, "the CalculiX executable", self.install)
 
     def worker(self) -> type[CalculixWorker]:

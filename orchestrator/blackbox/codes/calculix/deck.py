@@ -41,7 +41,8 @@ class DeckCode(ForeignCode):
                                  "run it alone, with ccx, until it does") from error
 
     def _made(self, runs: DeckRuns) -> Condensed:
-        part, path, name, joints = self.settings.part, self.settings.place, self.settings.name, runs.joints
+        part, path = self.settings.part, self.settings.place
+        name, joints = self.settings.name, runs.joints
         K, active = runs.stored()
         dofs = (3 * (joints.ids[:, None] - 1) + np.arange(3)).ravel()
         free = np.flatnonzero(~joints.held.ravel())
@@ -105,7 +106,8 @@ class DeckCode(ForeignCode):
             u = runs.replayed(springs * free, [own * free for own in forces])
         except Refused as error:
             raise BlackBoxError(
-                f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
+                f"load step {len(forces)}: {error} (where it does not converge: smaller load "
+                "steps)",
                                 self.settings.name) from error
         if not np.isfinite(u).all():
             raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite",

@@ -139,8 +139,8 @@ class DeckRuns:
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
         return "".join(
-            f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{self.joints.ids[dof // 3]}\n*SPRING,ELSET=ORCH{number}\n"
-                       f"{dof % 3 + 1}\n{k[dof]:.13e}\n"
+            f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{self.joints.ids[dof // 3]}\n"
+            f"*SPRING,ELSET=ORCH{number}\n{dof % 3 + 1}\n{k[dof]:.13e}\n"
             for number, dof in enumerate(np.flatnonzero(k), self._next))
 
     def _forces(self, forces: np.ndarray) -> str:
@@ -171,7 +171,8 @@ class DeckRuns:
             return files.displacements(self.folder / JOB, 1, self.materials[0])[0]
         except (files.Unreadable, IndexError) as error:
             raise Refused(
-                f"its displacements cannot be read: {error} ({len(self.materials)} materials)") from error
+                f"its displacements cannot be read: {error} ({len(self.materials)} "
+                "materials)") from error
 
     def _run(self, text: str) -> None:
         for old in self.folder.glob(JOB + ".*"):

@@ -148,7 +148,7 @@ class FreeFem(MessageCode):
 
         @property
         def unasked(self) -> tuple[str, ...]:
-            """What its compiler says of a form."""
+            """Return what its compiler would say of a form."""
             return (f"whether FreeFEM takes {Path(self.form).name}: a form may run programs",
                     ) if self.form else ()
 

@@ -24,7 +24,8 @@ _BEFORE, _AFTER = ("elasticity.idp", "form_names.idp"), ("form.idp", "serve.idp"
 _REFUSALS = "form_refused.idp"  # between the form and what uses its macros
 _GIVEN = {"Stiffness", "Loads"}  # names that a form is there to define
 _DEFINED = re.compile(
-    r"^[ \t]*(?:macro|func|NewMacro|real|int|bool|matrix|fespace|mesh3|string)(?:\s*\[[^\]]*\])*[ \t]+(\w+)",
+    r"^[ \t]*(?:macro|func|NewMacro|real|int|bool|matrix|fespace|mesh3|string)(?:\s*\[[^\]]*\])*[ "
+    r"\t]+(\w+)",
                       re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z]\w*")
 # FreeFEM's words where a form uses one of ``_REFUSALS``
@@ -61,7 +62,8 @@ def check_form(form: Path) -> None:
     if "Stiffness" not in names:
         raise _problem(f"{form} without a macro Stiffness",
                        "macro Stiffness(u, v) int3d(Th, mine, qfV = qfV1)(...) // EOM",
-                       "define it: u#x is the x component of u, mine are the regions of your matter")
+                       "define it: u#x is the x component of u, mine are the regions of your "
+                       "matter")
     used = set().union(
         *(_WORD.findall(re.sub(r"//[^\n]*", "", script(name).read_text(encoding="utf-8")))
                          for name in (*_BEFORE, *_AFTER))) - _GIVEN
@@ -84,8 +86,11 @@ def refused_term(form: Path, said: str) -> InputError | None:
     except OSError:
         text = ""
     place = re.search(rf"\b{name}\b", text)  # else in a file that it includes
-    where = f"{form}:{text[: place.start()].count(chr(10)) + 1}" if place else f"{form}, in a file that it includes"
-    faces = "terms on volumes, int3d(Th, mine, ...): the meshes have no labelled faces, and it would "
+    where = (
+        f"{form}:{text[: place.start()].count(chr(10)) + 1}" if place
+        else f"{form}, in a file that it includes")
+    faces = (
+        "terms on volumes, int3d(Th, mine, ...): the meshes have no labelled faces, and it would ")
     told = {"on": (faces + "hold nothing", "leave it out: supports are entries of boundary"),
             "jump": (
                 "terms of each tet by itself, int3d(Th, mine, ...): what lies beyond a face may "
@@ -134,6 +139,7 @@ def _problem(found: str, expected: str, cure: str) -> InputError:
 # readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and never
 # ends when 512 does.
 BAD_DIVISOR = 64
+# keywords of medit's binary format
 _DIMENSION, _VERTICES, _TETRAHEDRA, _END = 3, 4, 8, 54
 
 

@@ -144,7 +144,7 @@ class Mortar:
 # A point this near its image, in units of the facets around, is where it is but for rounding: no
 # link, no gap.
 ROUNDING = 1e-12
-TURNED = [0, 2, 1, 5, 4, 3]
+TURNED = [0, 2, 1, 5, 4, 3]  # a facet's nodes, looked at from behind
 
 
 def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,

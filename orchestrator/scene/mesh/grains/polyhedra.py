@@ -144,7 +144,7 @@ def loop_vectors(points: np.ndarray, loops: Sequence[list[int]]) -> np.ndarray:
 # volume; and
 # for how long to look for the point.
 SEEN, LOOKS = 0.02, 50
-NEXT, LAST = [1, 2, 0], [2, 0, 1]
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # corners of a triangle, from each
 Triangles = list[tuple[int, int, int]]
 
 

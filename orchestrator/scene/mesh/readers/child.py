@@ -25,12 +25,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+# Linux's numbers: of prctl, of its filter, and of what that answers below
 PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, FILTER = 38, 22, 2
 # instructions of the kernel's filter
 LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 # where they find the call's number, the machine's, its first argument's lower half
 NUMBER, ARCHITECTURE, ARGUMENT = 0, 4, 16
-ALLOW, REFUSE = 0x7FFF0000, 0x00050000
+ALLOW, REFUSE = 0x7FFF0000, 0x00050000  # its answers
 THREAD = 0x00010000  # clone's flag: no process of its own
 # machine → its number; calls that start programs, fork, trace others or open connections; clone;
 # clone3
@@ -80,7 +81,8 @@ def locked() -> bool:
     code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
     program = struct.pack("HP", len(steps), ctypes.addressof(code))
     prctl = ctypes.CDLL(None, use_errno=True).prctl
-    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0,
+    return not prctl(# Linux's numbers: of prctl, of its filter, and of what that answers below
+PR_SET_NO_NEW_PRIVS, 1, 0, 0,
                      0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
 
 
