@@ -93,7 +93,7 @@ def pace_of(values: Sequence[float]) -> float:
     y = [math.log(value) for value in values[-LATEST:] if value > 0]
     if len(y) < 3:
         return math.nan
-    return -float(np.polyfit(range(len(y)), y, 1)[0])
+    return -np.polyfit(range(len(y)), y, 1)[0]
 
 
 @dataclass

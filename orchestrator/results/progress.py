@@ -22,7 +22,7 @@ from orchestrator.compiled import Compiled
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import watched
 from orchestrator.scene.model import Scene
-from orchestrator.timing import LATEST, SLOW, STAGES, Doing, duration, pace_of
+from orchestrator.timing import LATEST, SLOW, STAGES, Doing, duration, pace_of, seconds_since_launch
 
 EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between two states of one
 ERASE = "\r\x1b[2K"
@@ -31,6 +31,7 @@ FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bond
 # an iteration's seconds over those of its back-substitutions, before one is measured
 BESIDE = 5.0
 TRUSTED = 6  # iterations from which on their pace counts for more than experience
+LOADED = 2.3  # seconds that the process that draws takes to load what it needs
 START, EACH = 1.2, 5e-5  # seconds of what is written, and of it per node and load step
 AFTER = 10.0  # iterations whose time the last error bound and the delivery take
 # seconds per node of the scene, before anything is known; a fifth more per load step
@@ -80,7 +81,7 @@ class Progress(Subscriber):
         self.stage(f"iteration {event.iteration}", f"{shown} → {target:.0e}")
 
     def finished(self, event: Finished) -> None:
-        self._remaining.ended = time.monotonic()
+        self._remaining.ended = time.monotonic() + ready()
         self.stage(f"{event.stop_reason} after {event.iterations} iterations, writing results")
 
     def warned(self, sentence: str) -> None:
@@ -122,9 +123,8 @@ class Progress(Subscriber):
 
     def _tell(self) -> None:
         with self._one:
-            text = f"{time.monotonic() - self._begun:.0f} s: {self.line()}\n"
-            if self._live:
-                text = ERASE + self.line(shutil.get_terminal_size().columns - 1)
+            text = (ERASE + self.line(shutil.get_terminal_size().columns - 1) if self._live
+                    else f"{time.monotonic() - self._begun:.0f} s: {self.line()}\n")
             print(text, end="", file=self._stream, flush=True)
 
 
@@ -136,15 +136,17 @@ class Remaining:
 
     def __init__(self, nodes: int = 0, steps: int = 1, bonded: bool = True):
         self.nodes, self.steps, self.bonded = nodes, steps, bonded
-        self.solve = math.nan  # seconds of a back-substitution of all subdomains
+        # seconds of a back-substitution of all subdomains; 0: too few to be seen
+        self.solve = 0.0
         self.begun, self.ended = time.monotonic(), math.nan  # of all this, and of the iterations
         self.ends: list[float] = []  # of each
-        self.events: list[Iteration] = []
+        self.values: list[float] = []  # what each leaves of what it waits for
 
     def iterated(self, event: Iteration, now: float) -> None:
         """Take in an iteration that has just ended."""
         self.ends.append(now)
-        self.events.append(event.without_state())
+        self.values.append(measure(event))
+        self.target = event.target[1]
 
     @property
     def each(self) -> float:
@@ -161,24 +163,23 @@ class Remaining:
         """
         if not self.nodes:
             return math.nan
-        if (writing := now - self.ended) >= 0:
+        if math.isfinite(writing := now - self.ended):
             return max(self.after - writing, 0.3 * writing)
         if doing is None:
             whole = SLOW * FIRST[self.bonded] * self.nodes * (1 + 0.2 * self.steps) + self.after
             return max(whole - (now - self.begun), 0.5 * whole)
         if self.ends:
             rest = self.each * (self.to_do + AFTER) - (now - self.ends[-1])
-            return max(0.0, rest) + self.after
-        spent, assembling = now - doing.begun, doing.what == "assembling"
-        guess = (SLOW * RATE * doing.of / doing.workers if assembling
-                 else self.solve * doing.of / doing.pieces)
-        whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
-        if assembling:
-            self.solve = whole / LOADING
-        elif math.isnan(self.solve):  # assembling was too short to be seen
-            self.solve = whole * doing.pieces / doing.of
-        rest = max(whole - spent, 0.0) + FIELDS[self.bonded] * self.solve * assembling
-        return rest + self.each * (STAGES + AFTER) + self.after
+        else:
+            spent, assembling = now - doing.begun, doing.what == "assembling"
+            guess = (SLOW * RATE * doing.of / doing.workers if assembling
+                     else self.solve * doing.of / doing.pieces)
+            whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
+            if assembling:
+                self.solve = whole / LOADING
+            rest = max(whole - spent, 0.0) + FIELDS[self.bonded] * self.solve * assembling
+            rest += self.each * (STAGES + AFTER)
+        return max(rest, ready()) + self.after
 
     @property
     def after(self) -> float:
@@ -188,14 +189,17 @@ class Remaining:
     @property
     def to_do(self) -> float:
         """Iterations that are still to be done, by the fall of the error, at first by experience."""
-        done = len(self.events)
-        values = [measure(event) for event in self.events]
-        pace, target = pace_of(values), self.events[-1].target[1]
+        done, pace, last = len(self.values), pace_of(self.values), self.values[-1]
         usual = max(STAGES - done, 0.3 * done)
-        if not (pace > 0 and values[-1] > 0 and target > 0):
+        if not (pace > 0 and last > 0):
             return usual
-        told = max(math.log(values[-1] / target), 0.0) / pace
+        told = max(math.log(last / self.target), 0.0) / pace
         return (done * told + TRUSTED * usual) / (done + TRUSTED)
+
+
+def ready() -> float:
+    """Seconds until the process that draws has loaded what it needs."""
+    return max(SLOW * LOADED - seconds_since_launch(), 0.0)
 
 
 def measure(event: Iteration) -> float:
