@@ -17,8 +17,6 @@ suppress_warnings = [
     "ref.python",                 # fields of the same name in several classes
 ]
 myst_heading_anchors = 3
-myst_enable_extensions = ["dollarmath"]
-myst_fence_as_directive = ["math"]
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 html_theme = "furo"
