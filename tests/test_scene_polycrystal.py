@@ -1,6 +1,6 @@
 """Polycrystals: what grains, interfaces and meshes must be, what is mended, and which seeds are passed over."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import gmsh
@@ -11,12 +11,10 @@ from quick import late
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.grains import polycrystal
-from orchestrator.scene.mesh.grains.polyhedra import narrowest, scattered
-from orchestrator.scene.mesh.grains.tidied import tidied
+from orchestrator.scene.mesh.grains.polyhedra import narrowest
 from orchestrator.scene.mesh.faces import pieces
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
-from orchestrator.scene.mesh.grains.grain_meshes import GrainMesher, mended
-from orchestrator.scene.mesh.grains.skeleton import Skeleton
+from orchestrator.scene.mesh.grains.grain_meshes import grain_mesh
 from orchestrator.scene.mesh.sources import bricks, make_mesh
 from benchmarks.problems.soundness import is_ball, unsound
 
@@ -65,7 +63,7 @@ def test_grains_fill_the_box_and_share_their_faces(grains, h, lloyd):
 @pytest.mark.long
 def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     raw = []
-    monkeypatch.setattr(polycrystal, "mended", lambda mesher, whole, *rest: (raw.append(whole), mended(mesher, whole, *rest))[1])
+    monkeypatch.setattr(polycrystal, "grain_mesh", lambda *given: raw.append(grain_mesh(*given)) or raw[-1])
     mesh, faces = made(grains=grains, h=h, seed=seed)
     [raw] = raw
     assert mesh.source == f"polycrystal of {grains} grains, seed {seed}"
@@ -76,23 +74,13 @@ def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     assert not unsound(mesh, ONE)
     volumes = tet_volumes(mesh.nodes, mesh.cells)
     # What was not bad stays: most nodes, and the grains' sizes but for where faces bend.
-    assert len(mesh.nodes) < len(raw.points) + 1
-    kept = {tuple(x) for x in raw.points} & {tuple(x) for x in mesh.nodes}
-    assert len(kept) > 0.99 * len(raw.points) - 5
+    assert np.array_equal(mesh.cells, raw.cells)
+    assert (mesh.nodes == raw.points).all(axis=1).sum() > 0.99 * len(raw.points) - 5
     one, other = np.bincount(mesh.volume, volumes), np.bincount(raw.grain, tet_volumes(raw.points, raw.cells))
     if "bend" in remark:
         assert np.abs(one - other).max() < h**3
     else:
         assert one == pytest.approx(other, rel=1e-12)
-
-
-def test_a_grain_is_the_same_whatever_is_made_beside_it():
-    """To the bit: a grain that is mended beside others has the faces that these have."""
-    skeleton = Skeleton(tidied(scattered(27, ONE, 1, 0), 0.1).plane(), 0.1)
-    known, alone = GrainMesher(skeleton).of(range(27)), GrainMesher(skeleton)
-    for grain in (20, 3, 11):
-        [one], other = alone.of([grain]), known[grain]
-        assert all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
 
 
 def test_soundness_sees_what_is_wrong():

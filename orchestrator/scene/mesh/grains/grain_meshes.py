@@ -1,27 +1,25 @@
-"""Meshes of single grains: every face of a tessellation is meshed alone, every grain from its faces
-alone.
+"""Meshes of grains: every face of a tessellation is meshed alone, every grain from its faces alone.
 
-So what two grains share comes out the same to the bit. Bad tets are mended together with the
-grains around them.
+So what two grains share comes out the same to the bit. How an edge is divided depends on that edge
+alone. Nodes are numbered by vertices, edges, faces, grains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.processes import mallopt
-from orchestrator.scene.mesh.faces import components, LOCAL_FACES
+from orchestrator.scene.mesh.faces import LOCAL_FACES, runs
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
-from orchestrator.scene.mesh.grains.polyhedra import SIDES
-from orchestrator.scene.mesh.grains.skeleton import Skeleton
-from orchestrator.scene.mesh.grains.mending import Fitness, mend, Mended
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.grains.polyhedra import SIDES, Tessellation
 
-# how far off gmsh may place the nodes of an edge, which are then where the skeleton has them; the
+# Edges have pieces of h at most, but for this share of it.
+OVER = 0.01
+# how far off gmsh may place the nodes of an edge, which are then where they were asked for; the
 # box is 1 long at most
 ROUNDING = 1e-9
 PERTURB = -6  # glibc's M_PERTURB
@@ -29,32 +27,11 @@ PERTURB = -6  # glibc's M_PERTURB
 
 @dataclass(frozen=True)
 class GrainMesh:
-    """Tets of one or several grains: tags (n,) of the nodes, ascending, points (n, 3), cells (m, 4)
-    int, and the grain (m,) of each.
-    """
+    """Tets of all grains: points (n, 3), cells (m, 4) int, and the grain (m,) of each."""
 
-    tags: np.ndarray
     points: np.ndarray
     cells: np.ndarray
     grain: np.ndarray
-
-    @classmethod
-    def joined(cls, meshes: Sequence[GrainMesh]) -> GrainMesh:
-        """Of all their tets, by grains; what has one tag is one node."""
-        tags, first, place = np.unique(np.concatenate([m.tags for m in meshes]), return_index=True,
-                                       return_inverse=True)
-        starts = np.cumsum([0, *(len(m.tags) for m in meshes)])
-        cells = np.concatenate([m.cells + start for m, start in zip(meshes, starts)])
-        grain = np.concatenate([m.grain for m in meshes])
-        order = np.argsort(grain, kind="stable")
-        return cls(tags, np.concatenate([m.points for m in meshes])[first],
-                   place.ravel()[cells[order]], grain[order])
-
-    def some(self, cells: np.ndarray) -> GrainMesh:
-        """Of some of its tets, (m,) bool."""
-        used, corners = np.unique(self.cells[cells], return_inverse=True)
-        return GrainMesh(self.tags[used], self.points[used], corners.reshape(-1, 4),
-                         self.grain[cells])
 
     def sides(self, size: np.ndarray) -> dict[str, np.ndarray]:
         """Triangles (k, 3) on each side of the box from the origin, of lengths ``size`` (3,),
@@ -71,76 +48,99 @@ class Failed(Exception):
     """gmsh has made nothing of a grain."""
 
 
-class GrainMesher:
-    """Meshes faces and grains of a skeleton, each once."""
+def grain_mesh(cells: Tessellation, h: float) -> GrainMesh:
+    """Mesh grains, whose faces must be plane, with elements of size h.
 
-    def __init__(self, skeleton: Skeleton):
-        self.skeleton = skeleton
-        self._faces: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        self._grains: dict[int, GrainMesh] = {}
+    Raises Failed: gmsh makes nothing of one of them
+    """
+    with session(), _blank_memory():
+        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+        # Inside, h counts alone: following the sizes on the faces, which short edges refine,
+        # makes 12 % more nodes.
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.option.setNumber("Mesh.Algorithm3D", HXT)
+        try:
+            points, faces = _faces(cells, h)
+            parts, tets, count = [points], [], len(points)
+            for grain in range(int(cells.cells.max()) + 1):
+                own = np.flatnonzero((cells.cells == grain).any(axis=1))
+                inner, found = _grain(points, np.concatenate([faces[face] for face in own]), count)
+                parts.append(inner)
+                tets.append(found)
+                count += len(inner)
+        except Exception as error:  # gmsh raises no other
+            raise Failed(f"gmsh: {last_complaint(error)}") from None
+    return GrainMesh(np.concatenate(parts), np.concatenate(tets),
+                     np.repeat(np.arange(len(tets)), [*map(len, tets)]))
 
-    def of(self, grains: Sequence[int]) -> list[GrainMesh]:
-        """Meshes of some grains, ascending. Raises Failed: for the first of which there is none"""
-        with session(), _blank_memory():
-            gmsh.option.setNumber("Mesh.MeshSizeMax", self.skeleton.h)
-            # Inside, h counts alone: following the sizes on the faces, which short edges refine,
-            # makes 12 % more nodes.
-            gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-            gmsh.option.setNumber("Mesh.Algorithm3D", HXT)
-            for grain in grains:
-                if grain not in self._grains:
-                    try:
-                        self._grains[grain] = self._grain(grain)
-                    except Exception as error:  # gmsh raises no other
-                        raise Failed(f"gmsh: {last_complaint(error)}") from None
-        return [self._grains[grain] for grain in grains]
 
-    def _face(self, face: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tags (n,) and points (n, 3) of a face's nodes, and its triangles (k, 3)."""
-        if face in self._faces:
-            return self._faces[face]
-        h, (tags, points, lines) = self.skeleton.h, self.skeleton.outline(face)
-        gmsh.model.add("face")
-        geo = gmsh.model.geo
-        corners = [geo.addPoint(*point, h) for point in points[: len(lines)]]
-        wire = []
-        for k, (low, high, pieces) in enumerate(lines):
-            line = geo.addLine(corners[low], corners[high])
-            geo.mesh.setTransfiniteCurve(line, pieces + 1)
-            wire.append(line if low == k else -line)
-        geo.addPlaneSurface([geo.addCurveLoop(wire)])
-        found, triangles = _meshed(2, TRIANGLE)
-        if len(found) < len(points) or np.abs(found[: len(points)] - points).max() > ROUNDING:
-            raise RuntimeError("nodes of a face's edges are not where they were asked for")
-        found[: len(points)] = points
-        other = self.skeleton.cells.cells[face, 1]
+def _faces(cells: Tessellation, h: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Points (n, 3) of vertices, on edges and within faces, and the triangles (k, 3) of each
+    face."""
+    ends = [sorted(end) for loop in cells.loops for end in zip(loop, [*loop[1:], loop[0]])]
+    ends, edge = np.unique(np.array(ends), axis=0, return_inverse=True)
+    edges = np.split(edge.ravel(), np.cumsum([len(loop) for loop in cells.loops])[:-1])
+    low, high = cells.vertices[ends].transpose(1, 0, 2)
+    pieces = np.maximum(np.ceil(np.linalg.norm(high - low, axis=1) / h - OVER), 1).astype(int)
+    first = len(cells.vertices) + np.cumsum([0, *(pieces - 1)])
+    on, place = np.repeat(np.arange(len(ends)), pieces - 1), runs(0 * pieces + 1, pieces - 1)
+    points = np.concatenate([cells.vertices,
+                             low[on] + (place / pieces[on])[:, None] * (high - low)[on]])
+    parts, triangles, total = [points], [], len(points)
+    for loop, own, other in zip(cells.loops, edges, cells.cells[:, 1]):
+        outline = np.concatenate([loop, runs(first[own], pieces[own] - 1)]).astype(int)
+        lines = [(loop.index(a), loop.index(b), count)
+                 for (a, b), count in zip(ends[own].tolist(), pieces[own].tolist())]
+        inner, found = _face(points[outline], lines, h)
         if other < 0:  # a side of the box
-            found[:, (-1 - other) // 2] = points[0, (-1 - other) // 2]
-        self._faces[face] = np.concatenate(
-            [tags, self.skeleton.in_face(face, len(found) - len(tags))]), found, triangles
-        return self._faces[face]
+            inner[:, (-1 - other) // 2] = points[loop[0], (-1 - other) // 2]
+        triangles.append(np.concatenate([outline, total + np.arange(len(inner))])[found])
+        parts.append(inner)
+        total += len(inner)
+    return np.concatenate(parts), triangles
 
-    def _grain(self, grain: int) -> GrainMesh:
-        tags, points, triangles = zip(*(self._face(face) for face in self.skeleton.faces_of[grain]))
-        starts = np.cumsum([0, *map(len, tags)])
-        tags, first, place = np.unique(np.concatenate(tags), return_index=True, return_inverse=True)
-        points = np.concatenate(points)[first]
-        triangles = place.ravel()[
-            np.concatenate([own + start for own, start in zip(triangles, starts)])]
-        gmsh.model.add("grain")
-        surface = gmsh.model.addDiscreteEntity(2)
-        gmsh.model.mesh.addNodes(2, surface, np.arange(len(points)) + 1, points.ravel())
-        gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], triangles.ravel() + 1)
-        gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop([surface])])
-        found, cells = _meshed(3, TET)
-        if not len(cells):
-            raise RuntimeError("a grain without tetrahedra")
-        if not np.array_equal(found[: len(points)], points):
-            raise RuntimeError("nodes of a grain's faces have moved")
-        return GrainMesh(
-            np.concatenate([tags, self.skeleton.in_grain(grain, len(found) - len(tags))]), found,
-            cells,
-                         np.full(len(cells), grain))
+
+def _face(outline: np.ndarray, lines: list[tuple[int, int, int]],
+          h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points within a face and its triangles, of those of the outline and these.
+
+    outline : (n, 3) the corners in order, then what is on each edge
+    lines : of each edge the places of its lower and higher vertex among the corners, and its
+        number of pieces
+    """
+    gmsh.model.add("face")
+    geo = gmsh.model.geo
+    corners = [geo.addPoint(*point, h) for point in outline[: len(lines)]]
+    wire = []
+    for k, (low, high, pieces) in enumerate(lines):
+        line = geo.addLine(corners[low], corners[high])
+        geo.mesh.setTransfiniteCurve(line, pieces + 1)
+        wire.append(line if low == k else -line)
+    geo.addPlaneSurface([geo.addCurveLoop(wire)])
+    found, triangles = _meshed(2, TRIANGLE)
+    count = len(outline)
+    if len(found) < count or np.abs(found[:count] - outline).max() > ROUNDING:
+        raise RuntimeError("nodes of a face's edges are not where they were asked for")
+    return found[count:], triangles
+
+
+def _grain(points: np.ndarray, triangles: np.ndarray,
+           first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points within a grain of triangles (k, 3), and its tets, of the points and these, which are
+    numbered from ``first`` on."""
+    used, local = np.unique(triangles, return_inverse=True)
+    gmsh.model.add("grain")
+    surface = gmsh.model.addDiscreteEntity(2)
+    gmsh.model.mesh.addNodes(2, surface, np.arange(len(used)) + 1, points[used].ravel())
+    gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], local.ravel() + 1)
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop([surface])])
+    found, cells = _meshed(3, TET)
+    if not len(cells):
+        raise RuntimeError("a grain without tetrahedra")
+    if not np.array_equal(found[: len(used)], points[used]):
+        raise RuntimeError("nodes of a grain's faces have moved")
+    inner = found[len(used):]
+    return inner, np.concatenate([used, first + np.arange(len(inner))])[cells]
 
 
 @contextmanager
@@ -170,44 +170,3 @@ def _meshed(dimension: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
         return points.reshape(-1, 3)[order], elements.astype(int) - 1
     finally:
         gmsh.model.remove()
-
-
-def mended(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray,
-           fitness: Fitness) -> tuple[GrainMesh, Mended]:
-    """Return all grains with bad tets mended, and what was done.
-
-    A bad tet may change with what is around its own nodes and those next to them: the grains there
-    make a cluster, which is mended by itself. What they have in common with others stays.
-
-    whole : all grains; bad : (m,) bool, of its tets
-    """
-    patches = [_patch(mesher, whole, bad, grain) for grain in np.unique(whole.grain[bad])]
-    clusters = _clusters(patches, mesher.skeleton.grains)
-    parts, done = zip(*(_mended(mesher, cluster, fitness) for cluster in clusters))
-    rest = whole.some(~np.isin(whole.grain, np.concatenate(clusters)))
-    return GrainMesh.joined([rest, *parts]), sum(done, Mended())
-
-
-def _patch(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray, grain: int) -> list[int]:
-    """Grains at the nodes of a grain's bad tets and at those next to them."""
-    near, own = np.zeros(len(whole.tags), dtype=bool), whole.cells[whole.grain == grain]
-    near[whole.cells[bad & (whole.grain == grain)]] = True
-    near[own[near[own].any(axis=1)]] = True
-    return sorted(mesher.skeleton.grains_at(whole.tags[near]))
-
-
-def _clusters(patches: list[list[int]], grains: int) -> list[list[int]]:
-    """Of patches that have grains in common, all their grains; ascending, and so are they."""
-    pairs = np.array([(patch[0], grain) for patch in patches for grain in patch])
-    _, label = components(*pairs.T, grains)
-    return sorted(np.flatnonzero(label == k).tolist() for k in np.unique(label[pairs[:, 0]]))
-
-
-def _mended(mesher: GrainMesher, cluster: list[int], fitness: Fitness) -> tuple[GrainMesh, Mended]:
-    """The grains of a cluster, and what was done."""
-    whole, skeleton = GrainMesh.joined(mesher.of(cluster)), mesher.skeleton
-    mesh = Mesh(whole.points, whole.cells, np.searchsorted(cluster, whole.grain),
-                [str(grain) for grain in cluster],
-                whole.sides(skeleton.cells.size))
-    mesh, kept, done = mend(mesh, fitness, ~skeleton.all_at(whole.tags, cluster))
-    return GrainMesh(whole.tags[kept], mesh.nodes, mesh.cells, np.array(cluster)[mesh.volume]), done

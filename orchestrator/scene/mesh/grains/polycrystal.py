@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,11 @@ from orchestrator.errors import wrong
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.checks import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.geometry import dihedral_angles, dihedral_range, roundness
-from orchestrator.scene.mesh.grains.grain_meshes import Failed, GrainMesh, GrainMesher, mended
+from orchestrator.scene.mesh.grains.grain_meshes import Failed, grain_mesh, GrainMesh
+from orchestrator.scene.mesh.grains.mending import Mending
 from orchestrator.scene.mesh.grains.tidied import tidied
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.grains.polyhedra import scattered, Tessellation
-from orchestrator.scene.mesh.grains.skeleton import Skeleton
 
 PATH = ("mesh", "polycrystal")
 # How many seeds are tried, one after another.
@@ -46,7 +47,7 @@ def polycrystal(mesh: Any) -> Mesh:
     relative, fine, complaints = np.round(size / unit, 12), round(h / unit, 12), []
     for current in range(seed, seed + TRIES):
         cells = _cells(count, relative, fine, current, int(entry.lloyd))
-        made = cells if isinstance(cells, str) else _meshed(Skeleton(cells, fine))
+        made = cells if isinstance(cells, str) else _meshed(cells, fine)
         if not isinstance(made, str):
             whole, remarks = made
             source = f"polycrystal of {count} grains, seed {current}"
@@ -83,19 +84,18 @@ def _cells(count: int, size: np.ndarray, h: float, seed: int, lloyd: int) -> Tes
     return grains.plane() if grains.sound else "grains are folded"
 
 
-def _meshed(skeleton: Skeleton) -> tuple[GrainMesh, list[str]] | str:
+def _meshed(cells: Tessellation, h: float) -> tuple[GrainMesh, list[str]] | str:
     """Return the grains, mended if need be, with remarks; or what is wrong with one."""
-    mesher = GrainMesher(skeleton)
     try:
-        whole, done = GrainMesh.joined(mesher.of(range(skeleton.grains))), []
+        whole, done = grain_mesh(cells, h), []
     except Failed as error:
         return str(error)
     fit = _fitness(whole.points, whole.cells)
     if 0 < np.sum(fit < 1) < FEW * len(fit):
-        whole, change = mended(mesher, whole, fit < 1, _fitness)
-        fit, done = _fitness(whole.points,
-                             whole.cells), [
-                                 f"mended where tets were bad: {change.told(skeleton.h)}"]
+        mending = Mending(whole, _fitness)
+        whole = replace(whole, points=mending.points)
+        fit = _fitness(whole.points, whole.cells)
+        done = [f"mended where tets were bad: {mending.told(h)}"]
     if fit.min() >= 1:
         return whole, done
     sharp, blunt = dihedral_range(whole.points, whole.cells)
