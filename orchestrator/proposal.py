@@ -12,7 +12,7 @@ from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import INSIDE, unique_names
-from orchestrator.scene.shanks import across_shank, auto_cut, ends_beside, threads_of
+from orchestrator.scene.shanks import shank_of
 
 # Half the yield limit of bolts of class 8.8, N/mm²: what a first pretension may put on the shank's section.
 STRESS = 320.0
@@ -160,12 +160,10 @@ interfaces:                         # {count} on each other
 def _cut(mesh: Mesh, faces: Faces, bolt: ClampingBolt) -> str:
     """The cut of a bolt between its head and what its thread is bonded to, as a key of its entry; empty where it has no round shank."""
     own = np.flatnonzero(mesh.volume == bolt.volume)
-    shank = across_shank(mesh, faces, own)
-    if shank is None:
-        return ""
     held = {mesh.volumes[fit.hole.volume] for fit in bolt.threads}
-    threads = threads_of(mesh, faces, own, shank, held.__contains__)
-    point = auto_cut(mesh, own, shank, threads, ends_beside(mesh, faces, own, shank))
+    if (shank := shank_of(mesh, faces, own, held.__contains__)) is None:
+        return ""
+    point = shank.cut
     axis = int(np.abs(shank.axis).argmax())
     if abs(shank.axis[axis]) > 1 - STRAIGHT:
         return f", cut: {{plane: {'xyz'[axis]}, at: {point[axis]:.4g}}}"

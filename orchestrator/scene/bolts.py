@@ -10,14 +10,13 @@ import numpy as np
 
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
+from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
-from orchestrator.scene.shanks import (
-    across_shank, along_shank, auto_cut, bonds, elsewhere, ends_beside, free_stretch, Shank,
-    Thread, threads_of, within)
+from orchestrator.scene.shanks import Shank, shank_of
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 
@@ -40,151 +39,71 @@ class BoltCut:
     ahead: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class BoltPlane:
-    """Where a bolt is cut.
-
-    index, name, axis, point : as of ``BoltCut``
-    own : (k,) int, the bolt's cells; ahead : (k,) bool, where the axis leads
-    """
-
-    index: int
-    name: str
-    axis: np.ndarray
-    point: np.ndarray
-    own: np.ndarray
-    ahead: np.ndarray
-
-
-def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, config: Any,
-              problems: Problems) -> tuple[Partition, list[BoltCut]]:
+def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
+              entries: Sequence[Any], problems: Problems) -> tuple[Partition, list[BoltCut]]:
     """Cuts the subdomains that a bolt's plane runs through.
 
-    config : whose ``bolts`` and ``interfaces`` are asked for
+    bolts, entries : of the configuration's ``bolts`` and ``interfaces``
 
     Returns the partition, in which both sides are subdomains of their own and pieces of one body;
     and the cuts
     """
-    around = []
-    for bolt in config.bolts:
-        own = bolt_cells(mesh, bolt)
-        shank = across_shank(mesh, faces, own) if len(own) else None
-        around.append((None, None, ()) if shank is None else (
-            shank, ends_beside(mesh, faces, own, shank), threads_of(
-                mesh, faces, own, shank, bonds(config.interfaces, mesh.volumes, bolt.on))))
-    made = planes(mesh, faces, partition, config.bolts, around, problems)
-    return cut_at(made, faces, partition, problems)
-
-
-def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
-    """(k,) int, the cells of the one volume that an entry of ``bolts`` names; none where it names
-    none, or several.
-    """
-    names = matching(bolt.on, mesh.volumes)
-    return np.flatnonzero(mesh.volume == mesh.volumes.index(names[0])) if len(
-        names) == 1 else np.empty(0, dtype=int)
-
-
-def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
-           around: Sequence[tuple],
-           problems: Problems) -> list[BoltPlane]:
-    """Return the planes of the bolts.
-
-    around : the shank of each, where other parts end beside it, and its threads; None, None and
-        nothing of one that has none
-    """
-    made: list[BoltPlane] = []
-    for i, (bolt, (shank, ends, threads)) in enumerate(zip(bolts, around)):
+    planes: dict[str, tuple[int, np.ndarray, np.ndarray, np.ndarray]] = {}
+    ahead = np.zeros(len(mesh.cells), dtype=bool)
+    for i, bolt in enumerate(bolts):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
 
-        if found := _plane(mesh, partition, bolt, (shank, ends, threads),
-                           [plane.name for plane in made], wrong):
-            name, own, axis, point = found
-            if bonded := _in_thread(mesh, own, shank, threads, axis, point):
-                thread, better = bonded
-                if better:
-                    wrong("cut",
-                          f"a plane through {name} where it is bonded to {thread.part}, which "
-                          "takes its force off before the head",
-                          "a plane between the head and the thread",
-                          f"leave cut out, or move it to {better}")
-                    continue
-                problems.warnings.append(
-                    f"{name} is bonded to {thread.part} at its cut, and has no free stretch "
-                    f"between head and thread: the force is taken off by {thread.part}, and does "
-                    "not arrive under the head")
-            if bolt.cut != "auto" and (better := elsewhere(mesh, own, (shank, ends), axis, point)):
-                problems.warnings.append(
-                    f"bolts[{i}].cut is within an element of where parts beside {name} end: it "
-                    "zigzags across that plane and leaves pieces of contact with hardly a node; "
-                    f"{better} is amid one of them")
-            height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
-            ahead, crossed = ahead_of(mesh, own, axis,
-                                      point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
-            made.append(BoltPlane(i, name, axis, point, own,
-                              ahead ^ _lonely(faces, own, ahead, crossed)))
-    return made
-
-
-def ahead_of(mesh: Mesh, cells: np.ndarray, axis: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(k,) bool, which cells (k,) have their centroids ahead of a plane."""
-    return (mesh.nodes[mesh.cells[cells, :4]].mean(axis=1) - point) @ axis > 0
-
-
-def cut_at(made: Sequence[BoltPlane], faces: Faces, partition: Partition,
-           problems: Problems) -> tuple[Partition, list[BoltCut]]:
-    """Return the partition with bolts cut at planes, and the cuts."""
-    if not made:
+        if (name := _volume(mesh, partition, bolt, planes, wrong)) is None:
+            continue
+        own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
+        shank = shank_of(mesh, faces, own, _bonded(name, Laws(list(entries), mesh.volumes)))
+        if (plane := _plane(mesh, own, bolt, shank, wrong)) is None:
+            continue
+        axis, point = plane
+        at = None if shank is None else shank.height(axis, point)
+        if at is not None and not _told(shank, at, name, f"bolts[{i}].cut" * (bolt.cut != "auto"),
+                                        wrong, problems.warnings):
+            continue
+        height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
+        front = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
+        crossed = (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
+        ahead[own] = front ^ _lonely(faces, own, front, crossed)
+        planes[name] = i, axis, point, own
+    if not planes:
         return partition, []
-    ahead = np.zeros(len(partition.subdomain), dtype=bool)
-    for plane in made:
-        ahead[plane.own] = plane.ahead
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
     before, count = keys // 2, np.bincount(keys // 2)
     names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}"
              for e, key in zip(before, keys)]
     cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before])
-    cuts = [BoltCut(plane.index, plane.name, plane.axis, plane.point, *(
-        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist())
-        for side in (False, True))) for plane in made]
-    number, piece = pieces(faces, subdomain)
-    if number != len(names):
-        parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
-        for one in cuts:
-            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]
-            if broken:
-                problems.add(("bolts", one.index, "cut"),
-                             f"a plane that leaves {' and '.join(broken)} in pieces",
-                             "a plane across the shank that meets nothing else of the bolt, and "
-                             "subdomains in one piece on either side of it",
-                             "move the plane, or write subdomains: groups, which leaves bolts whole")
+    cuts = [BoltCut(i, name, axis, point, *(
+        tuple(np.unique(subdomain[own[ahead[own] == side]]).tolist()) for side in (False, True)))
+            for name, (i, axis, point, own) in planes.items()]
+    _check_whole(faces, cut, cuts, problems)
     return cut, cuts
 
 
-def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequence[Thread],
-               axis: np.ndarray,
-               point: np.ndarray) -> tuple[Thread, str] | None:
-    """The thread that a plane across a shank is within, and a better place in words, if there is
-    one; None where it is in no thread.
-    """
-    if shank is None or not along_shank(shank, axis):
-        return None
-    thread = within(threads, float((point - shank.middle) @ shank.axis))
-    if thread is None:
-        return None
-    free = free_stretch(mesh, own, shank, threads)
-    return thread, "" if free is None else format_point(shank.middle + sum(free) / 2 * shank.axis)
+def _check_whole(faces: Faces, cut: Partition, cuts: Sequence[BoltCut], problems: Problems) -> None:
+    """Add a problem for each cut that leaves a subdomain in pieces."""
+    piece = pieces(faces, cut.subdomain)[1]
+    parts = np.bincount(cut.subdomain[np.unique(piece, return_index=True)[1]],
+                        minlength=len(cut.names))
+    for one in cuts:
+        if broken := [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]:
+            problems.add(("bolts", one.index, "cut"),
+                         f"a plane that leaves {' and '.join(broken)} in pieces",
+                         "a plane across the shank that meets nothing else of the bolt, and "
+                         "subdomains in one piece on either side of it",
+                         "move the plane, or write subdomains: groups, which leaves bolts whole")
 
 
-def _plane(mesh: Mesh, partition: Partition, bolt: Any,
-           around: tuple[Shank | None, np.ndarray | None, Sequence[Thread]], known: list[str],
-           wrong: Callable[..., None]) -> tuple[str, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is
-    wrong with it, which is told.
+def _volume(mesh: Mesh, partition: Partition, bolt: Any, known: Sequence[str],
+            wrong: Callable[..., None]) -> str | None:
+    """Return the volume of an entry of ``bolts``; None where something is wrong with it, which is
+    told.
 
-    around : the bolt's shank, where other parts end beside it, and its threads; known : names of
-        the volumes that other entries cut
+    known : volumes that other entries cut
     """
     names = matching(bolt.on, mesh.volumes)
     if not names:
@@ -193,11 +112,30 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any,
     if len(names) > 1:
         return wrong("on", f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}",
                      ONE_VOLUME, "write an entry for each of them")
-    name = names[0]
-    if name in known:
-        return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
-    own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-    shank, ends, threads = around
+    if names[0] in known:
+        return wrong("on", f"a second entry for {names[0]}", "one entry for each bolt",
+                     "leave one out")
+    own = mesh.volume == mesh.volumes.index(names[0])
+    if np.isin(partition.subdomain[~own], partition.subdomain[own]).any():
+        return wrong("on", f"subdomains that hold {names[0]} and other matter together",
+                     "subdomains of the bolt alone",
+                     "write subdomains: groups, one per volume, in a scene of several volumes")
+    return names[0]
+
+
+def _bonded(bolt: str, laws: Laws) -> Callable[[str], bool]:
+    """Return what tells whether a bolt and the volume of a name are bonded."""
+    return lambda name: laws[laws.foreseen([bolt], [name])].kind.perfect
+
+
+def _plane(mesh: Mesh, own: np.ndarray, bolt: Any, shank: Shank | None,
+           wrong: Callable[..., None]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return axis and point of the plane of an entry of ``bolts``; None where something is wrong
+    with it, which is told.
+
+    own : (k,) int, the bolt's cells
+    """
+    name = mesh.volumes[mesh.volume[own[0]]]
     if bolt.cut != "auto":
         axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     elif shank is None:
@@ -206,18 +144,41 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any,
                      "a bolt with a round shank along one axis",
                      "say where: cut: {plane: z, at: 12}")
     else:
-        axis, point = shank.axis, auto_cut(mesh, own, shank, threads, ends)
-    ahead = ahead_of(mesh, own, axis, point)
+        axis, point = shank.axis, shank.cut
+    ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
     if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
         return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
                      f"a plane through it: it reaches from {along.min():g} to {along.max():g}",
                      "move the plane")
-    if np.isin(np.delete(partition.subdomain, own), partition.subdomain[own]).any():
-        return wrong("on", f"subdomains that hold {name} and other matter together",
-                     "subdomains of the bolt alone",
-                     "write subdomains: groups, one per volume, in a scene of several volumes")
-    return name, own, axis, point
+    return axis, point
+
+
+def _told(shank: Shank, at: float, name: str, given: str, wrong: Callable[..., None],
+          warnings: list[str]) -> bool:
+    """Tell where a cut at a height of a shank is in a thread, or across where other parts end;
+    return whether it may stay.
+
+    given : the key that says where the cut is; empty where none does
+    """
+    thread = next((thread for thread in shank.threads if thread.low < at < thread.high), None)
+    if thread is not None and shank.free is not None:
+        wrong("cut",
+              f"a plane through {name} where it is bonded to {thread.part}, which takes its force "
+              "off before the head", "a plane between the head and the thread",
+              f"leave cut out, or move it to {format_point(shank.at(sum(shank.free) / 2))}")
+        return False
+    if thread is not None:
+        warnings.append(
+            f"{name} is bonded to {thread.part} at its cut, and has no free stretch between head "
+            f"and thread: the force is taken off by {thread.part}, and does not arrive under the "
+            "head")
+    if given and (better := shank.away_from_joints(at)) != at:
+        warnings.append(
+            f"{given} is within an element of where parts beside {name} end: it zigzags across "
+            "that plane and leaves pieces of contact with hardly a node; "
+            f"{format_point(shank.at(better))} is amid one of them")
+    return True
 
 
 def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:

@@ -96,7 +96,8 @@ def divided(config: Config, body: Body, problems: Problems) -> Divided:
         # Body forces name volumes: they can be judged on the undivided mesh.
         partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
     if config.bolts and not failed:
-        partition, cuts = cut_bolts(mesh, body.faces, partition, config, problems)
+        partition, cuts = cut_bolts(mesh, body.faces, partition, config.bolts, config.interfaces,
+                                    problems)
     numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
     return Divided(body, partition, numbering, cuts, failed)
 

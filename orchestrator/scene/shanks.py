@@ -10,17 +10,14 @@ tightens the bolt against the part that it is screwed into: next to nothing arri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
+from orchestrator.scene.mesh.geometry import facet_normals, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.names import matching
 from orchestrator.scene.shapes import cylinder
 
 # Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
@@ -40,74 +37,134 @@ NEAR, FLAT = 2.0, 1e-3
 
 
 @dataclass(frozen=True)
+class Thread:
+    """Bonded faces around a shank.
+
+    low, high : heights along the shank, from its middle
+    part : name of the volume that they are of
+    """
+
+    low: float
+    high: float
+    part: str
+
+
+@dataclass(frozen=True)
 class Shank:
-    """The longest cylinder of a bolt: its axis (3,), middle (3,) on it, radius and length."""
+    """The longest cylinder of a bolt, and what there is along it, by heights from its middle.
+
+    axis : (3,); middle : (3,) on it
+    size : of the bolt's elements along it, in the median
+    ends : (k,) heights of faces across it where other parts end beside it
+    threads : the bonded stretches, one for each volume around it
+    free : lowest and highest place between the head and the nearest thread; None: it is bonded all
+        along
+    """
 
     axis: np.ndarray
     middle: np.ndarray
     radius: float
     length: float
+    size: float
+    ends: np.ndarray
+    threads: list[Thread]
+    free: tuple[float, float] | None
+
+    def at(self, height: float) -> np.ndarray:
+        """Return the point (3,) of the axis at a height."""
+        return self.middle + height * self.axis
+
+    def height(self, axis: np.ndarray, point: np.ndarray) -> float | None:
+        """Return where a plane across an axis (3,), through a point (3,), cuts it; None: that is
+        another axis."""
+        if abs(self.axis @ axis) < 1 - ACROSS**2:
+            return None
+        return float((point - self.middle) @ self.axis)
+
+    @property
+    def cut(self) -> np.ndarray:
+        """(3,) where it is best cut: between head and thread, away from where parts end."""
+        return self.at(self.away_from_joints(0.0, self.free))
+
+    def away_from_joints(self, at: float, stretch: tuple[float, float] | None = None) -> float:
+        """Return the height of a cut: ``at``, unless that is nearer than an element to where other
+        parts end.
+
+        A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet,
+        pieces of contact are left with hardly a node. It then goes to the nearest place amid a
+        plate that has room for it; nowhere where none has.
+
+        stretch : lowest and highest place; None: of the shank
+        """
+        low, high = (-self.length / 2, self.length / 2) if stretch is None else stretch
+        at = at if low <= at <= high else (low + high) / 2
+        ends = np.r_[low, self.ends, high]
+        ends = np.unique(ends[(ends >= low) & (ends <= high)])
+        if np.abs(ends - at).min() > self.size:
+            return at
+        places = (ends[1:] + ends[:-1]) / 2
+        places = places[np.diff(ends) > 2 * self.size]
+        far = np.abs(places - at)
+        return float(places[far <= far.min() + FLAT * self.radius].max()) if len(places) else at
 
 
-def ends_beside(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank) -> np.ndarray:
-    """(k,) heights along a shank, from its middle, of faces across it where other parts end beside
-    it; own : cells of the bolt.
+def shank_of(mesh: Mesh, faces: Faces, cells: np.ndarray,
+             bonded: Callable[[str], bool]) -> Shank | None:
+    """Return the shank of a bolt; None where it has none.
+
+    cells : (k,) int, of the bolt; bonded : whether the volume of a name is bonded to it
     """
-    mine, inner = np.isin(faces.owner, own), faces.neighbour >= 0
-    ends = ~mine & ~inner | inner & (mesh.volume[faces.owner] != mesh.volume[faces.neighbour])
-    middles = mesh.nodes[faces.triangles[ends, :3]] - shank.middle
-    along = middles @ shank.axis
-    beside = np.linalg.norm(middles - along[:, :, None] * shank.axis,
-                            axis=2).min(axis=1) < NEAR * shank.radius
-    return along[beside & (np.ptp(along, axis=1) < FLAT * shank.radius)].mean(axis=1)
+    if (found := _cylinder(mesh, faces, cells)) is None:
+        return None
+    axis, middle, radius, length = found
+    mine, inner = np.isin(faces.owner, cells), faces.neighbour >= 0
+    triangles, volume = faces.triangles[:, :3], mesh.volume
+    ends = ~mine & ~inner | inner & (volume[faces.owner] != volume[faces.neighbour])
+    along, off = _places(mesh.nodes[triangles[ends]], axis, middle)
+    beside = (off.min(axis=1) < NEAR * radius) & (np.ptp(along, axis=1) < FLAT * radius)
+    heights = along[beside].mean(axis=1)
+    around = np.flatnonzero(np.where(inner, mine ^ (inner & np.isin(faces.neighbour, cells)), ~mine))
+    volume = volume[np.where(mine, faces.neighbour, faces.owner)[around]]
+    along, off = _places(mesh.nodes[triangles[around]], axis, middle)
+    near = (np.abs(off - radius) < ALIKE * radius).all(axis=1) & (
+        np.abs(along) < length / 2).any(axis=1)
+    threads = [Thread(float(own.min()), float(own.max()), name) for v in np.unique(volume[near])
+               if bonded(name := mesh.volumes[v]) for own in [along[near & (volume == v)]]]
+    along, off = _places(mesh.nodes[mesh.cells[cells, :4]], axis, middle)
+    return Shank(axis, middle, radius, length, float(np.median(np.ptp(along, axis=1))), heights,
+                 threads, _free(along[off > (1 + ALIKE) * radius], radius, length / 2, threads))
 
 
-def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray, at: float = 0.0,
-                     stretch: tuple[float, float] | None = None) -> float:
-    """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than
-    an element to where other parts end.
+def _places(points: np.ndarray, axis: np.ndarray,
+            middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (k, c) of points (k, c, 3) along an axis, and their distances (k, c) from
+    it."""
+    arm = points - middle
+    along = arm @ axis
+    return along, np.linalg.norm(arm - along[..., None] * axis, axis=2)
 
-    A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet,
-    pieces of contact are left with hardly a node. It then goes to the nearest place amid a plate
-    that has room for it; nowhere where none has.
 
-    own : cells of the bolt; ends : of ``ends_beside``; stretch : lowest and highest place; None: of
-        the shank
+def _free(wide: np.ndarray, radius: float, half: float,
+          threads: list[Thread]) -> tuple[float, float] | None:
+    """Return the free stretch of a shank from -half to half: of several one with a head or a
+    thread at both ends, then the longest.
+
+    wide : (k,) heights at which the bolt is wider than its shank
     """
-    low, high = (-shank.length / 2, shank.length / 2) if stretch is None else stretch
-    at = at if low <= at <= high else (low + high) / 2
-    corners = (mesh.nodes[mesh.cells[own, :4]] - shank.middle) @ shank.axis
-    size = float(np.median(np.ptp(corners, axis=1)))
-    ends = np.r_[low, ends, high]
-    ends = np.unique(ends[(ends >= low) & (ends <= high)])
-    if np.abs(ends - at).min() > size:
-        return at
-    places = (ends[1:] + ends[:-1]) / 2
-    places = places[np.diff(ends) > 2 * size]
-    far = np.abs(places - at)
-    return float(places[far <= far.min() + FLAT * shank.radius].max()) if len(places) else at
+    places, room = [-half], ALIKE * radius
+    ends = {-half: bool((wide <= -half).any()), half: bool((wide >= half).any())}
+    for thread in sorted(threads, key=lambda thread: thread.low):
+        places[-1:] = [places[-1], max(thread.low, places[-1]), max(thread.high, places[-1])]
+    places = np.clip([*places, max(half, places[-1])], -half, half)
+    stretches = [(low, high) for low, high in zip(places[::2], places[1::2]) if high - low > room]
+    return max(stretches, key=lambda at: (sum(ends.get(end, True) for end in at), at[1] - at[0]),
+               default=None)
 
 
-def along_shank(shank: Shank, axis: np.ndarray) -> bool:
-    """Whether an axis (3,) is the shank's."""
-    return bool(abs(shank.axis @ axis) >= 1 - ACROSS**2)
-
-
-def elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarray | None],
-              axis: np.ndarray, point: np.ndarray) -> str:
-    """A better place for a cut that crosses planes at which other parts end; empty where there is
-    none, or no need.
-    """
-    shank, ends = around
-    if shank is None or not along_shank(shank, axis):
-        return ""
-    at = float((point - shank.middle) @ shank.axis)
-    better = away_from_joints(mesh, own, shank, ends, at)
-    return "" if better == at else format_point(shank.middle + better * shank.axis)
-
-
-def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
-    """Return the longest cylinder that some cells are round; None where there is none.
+def _cylinder(mesh: Mesh, faces: Faces,
+              cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float] | None:
+    """Return axis, middle, radius and length of the longest cylinder that some cells are round;
+    None where there is none.
 
     The axis is first the principal axis of inertia that is least like the others, then what the
     faces that look across it all look across.
@@ -152,90 +209,5 @@ def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
     radius = np.linalg.norm(np.cross(shank - best.centre, best.axis), axis=1)
     if np.ptp(radius) > ROUND * radius.mean():
         return None
-    return Shank(best.axis, best.centre + (found - best.centre @ best.axis) * best.axis,
-                 float(radius.mean()), length)
-
-
-@dataclass(frozen=True)
-class Thread:
-    """Bonded faces around a shank.
-
-    low, high : heights along the shank, from its middle
-    part : name of the volume that they are of
-    """
-
-    low: float
-    high: float
-    part: str
-
-
-def bonds(entries: Sequence[Any], names: Sequence[str], bolt: str) -> Callable[[str], bool]:
-    """Return what tells whether a law of perfect interfaces holds between a bolt and the volume of
-    a name.
-
-    entries : of ``interfaces``; names : of all volumes; bolt : as the configuration names it
-    """
-    laws, own = Laws(list(entries), names), matching(bolt, names)
-    return lambda name: laws[laws.foreseen(own, [name])].kind.perfect
-
-
-def threads_of(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank,
-               holds: Callable[[str], bool]) -> list[Thread]:
-    """Return the bonded stretches of a shank, one for each volume around it.
-
-    own : (k,) int, cells of the bolt; holds : whether the volume of a name is bonded to it
-    """
-    mine, inner = np.isin(faces.owner, own), faces.neighbour >= 0
-    beyond = inner & np.isin(faces.neighbour, own)
-    around = np.flatnonzero(np.where(inner, mine ^ beyond, ~mine))
-    volume = mesh.volume[np.where(mine, faces.neighbour, faces.owner)[around]]
-    arm = mesh.nodes[faces.triangles[around, :3]] - shank.middle
-    along = arm @ shank.axis
-    off = np.linalg.norm(arm - along[..., None] * shank.axis, axis=2) - shank.radius
-    near = (np.abs(off) < ALIKE * shank.radius).all(axis=1) & (
-        np.abs(along) < shank.length / 2).any(axis=1)
-    found = []
-    for v in np.unique(volume[near]):
-        name = mesh.volumes[v]
-        if holds(name):
-            heights = along[near & (volume == v)]
-            found.append(Thread(float(heights.min()), float(heights.max()), name))
-    return found
-
-
-def free_stretch(mesh: Mesh, own: np.ndarray, shank: Shank,
-                 threads: Sequence[Thread]) -> tuple[float, float] | None:
-    """Return lowest and highest place along a shank between its head and the nearest thread; None
-    where it is bonded all along.
-
-    Of several free stretches it is one with a head or a thread at both ends, then the longest.
-    """
-    half, places = shank.length / 2, [-shank.length / 2]
-    arm = mesh.nodes[mesh.cells[own, :4]].reshape(-1, 3) - shank.middle
-    along = arm @ shank.axis
-    wide = np.linalg.norm(arm - along[:, None] * shank.axis, axis=1) > (1 + ALIKE) * shank.radius
-    ends = {-half: bool((wide & (along <= -half)).any()),
-            half: bool((wide & (along >= half)).any())}
-    for thread in sorted(threads, key=lambda thread: thread.low):
-        places[-1:] = [places[-1], max(thread.low, places[-1]), max(thread.high, places[-1])]
-    places.append(max(half, places[-1]))
-    places, room = np.clip(places, -half, half), ALIKE * shank.radius
-    stretches = [(low, high) for low, high in zip(places[::2], places[1::2]) if high - low > room]
-    return max(stretches, key=lambda at: (sum(ends.get(end, True) for end in at), at[1] - at[0]),
-               default=None)
-
-
-def auto_cut(mesh: Mesh, own: np.ndarray, shank: Shank, threads: Sequence[Thread],
-             ends: np.ndarray) -> np.ndarray:
-    """Return the point (3,) of the cut across a shank, between head and thread, away from where
-    parts end beside it.
-
-    ends : of ``ends_beside``
-    """
-    return shank.middle + away_from_joints(mesh, own, shank, ends, 0.0,
-                                           free_stretch(mesh, own, shank, threads)) * shank.axis
-
-
-def within(threads: Sequence[Thread], at: float) -> Thread | None:
-    """Return the thread that a place along the shank is within."""
-    return next((thread for thread in threads if thread.low < at < thread.high), None)
+    return best.axis, best.centre + (found - best.centre @ best.axis) * best.axis, float(
+        radius.mean()), length

@@ -23,7 +23,7 @@ from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
-from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
+from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, OPPOSITE, TOUCHING
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.interfaces.skins import over, Skin, smooth_patches
 from orchestrator.scene.mesh.faces import components, edge_patches
@@ -143,18 +143,10 @@ def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slave
         slaves, once chosen
     """
     mesh, pair, entry, names = parts.mesh, candidate.pair, candidate.entry, candidate.known
-    alone = [np.ones(len(b.area), dtype=bool) for b in pair]
-    if not entry.follows:
-        for patch in patches:
-            for own, facets in zip(alone, patch.facets.T):
-                own[facets] = False
-    room = (1 + REACH) * max(b.size.max() for b in pair) + (entry.reach or 0.0)
-    near = [np.intersect1d(np.flatnonzero(own), b.within(other.box, room))
-            for b, other, own in zip(pair, pair[::-1], alone)]
-    if not may_face(*(b.normal[own] for b, own in zip(pair, near)), candidate.cosine):
-        return []
+    matched = np.concatenate([np.empty(0, int), *(patch.facets[:, 0] for patch in patches)])
     found = _facing(parts, candidate)
-    if not any(alone[0][f.segments.slave].any() for f in found):
+    if not found or not entry.follows and all(
+            np.isin(f.segments.slave, matched).all() for f in found):
         return []
     asked = Asked(entry.kind.as_one, candidate.slave, max(FACING, candidate.cosine))
     if asked.slave is None and (quadratic := _quadratic(mesh, pair)) is not None:

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
-from orchestrator.scene.mesh.faces import Faces, pack, runs
+from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -29,12 +29,6 @@ CHUNK = 20_000
 # Facets are searched in classes of size that differ by this factor: the largest of a class sets how
 # far one searches.
 CLASS = 4.0
-# Normals are compared in steps of this size before facets are: most bodies that are close face each
-# other nowhere.
-COARSE = 0.25
-_STEPS = round(1 / COARSE)
-_KEY = (2 * _STEPS + 1) ** np.arange(2, -1, -1)  # of three numbers of steps, a single one
-_DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COARSE
 
 
 def cosine_of(angle: float | None) -> float:
@@ -149,28 +143,11 @@ def close_bodies(bodies: list[BodyFaces], within: float
         return
     low, high = (np.array(corners) for corners in zip(*(b.box for b in bodies)))
     room = np.array([max(REACH * b.size.max(), within or 0.0) for b in bodies])
-    for i, j in zip(*_boxes_within(low, high, room)):
-        if bodies[j].subdomain != bodies[i].subdomain and bodies[j].volume != bodies[i].volume:
-            yield bodies[i], bodies[j]
-
-
-def _boxes_within(low: np.ndarray, high: np.ndarray,
-                  room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs i < j, ascending, of boxes (n, 3) no farther apart than the larger of their rooms (n,).
-
-    Only boxes that overlap along the axis on which they spread most are compared.
-    """
-    axis = int(np.ptp(low + high, axis=0).argmax())
-    order = np.argsort(low[:, axis] - room)
-    start, stop = (low[:, axis] - room)[order], (high[:, axis] + room)[order]
-    later = np.searchsorted(start, stop, side="right") - np.arange(1, len(order) + 1)
-    first = np.repeat(np.arange(len(order)), later)
-    second = runs(np.arange(1, len(order) + 1), later)
-    i, j = np.sort([order[first], order[second]], axis=0)
-    apart = np.maximum(low[i] - high[j], low[j] - high[i]).max(axis=1)
-    near = apart <= np.maximum(room[i], room[j])
-    chosen = np.lexsort((j[near], i[near]))
-    return i[near][chosen], j[near][chosen]
+    for i, one in enumerate(bodies):
+        apart = np.maximum(low[i] - high[i + 1:], low[i + 1:] - high[i]).max(axis=1)
+        for j in i + 1 + np.flatnonzero(apart <= np.maximum(room[i], room[i + 1:])):
+            if bodies[j].subdomain != one.subdomain and bodies[j].volume != one.volume:
+                yield one, bodies[j]
 
 
 def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = OPPOSITE,
@@ -186,7 +163,7 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
     if not len(one.area) or not len(two.area):
         return
     a, b = one.within(two.box, reach.max()), two.within(one.box, reach.max())
-    if not may_face(one.normal[a], two.normal[b], cosine):
+    if not len(a) or not len(b):
         return
     x, y, near, room = one.centre[a], two.centre[b], reach[a], np.zeros(len(b))
     number = np.zeros(len(b), dtype=int)
@@ -205,20 +182,6 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
             keep = np.einsum("ij,ij->i", one.normal[a[i]], two.normal[b[j]]) < cosine
             keep &= ((x[i] - y[j]) ** 2).sum(axis=1) <= (near[i] + room[j]) ** 2
             yield a[i[keep]], b[j[keep]]
-
-
-def may_face(one: np.ndarray, two: np.ndarray, cosine: float = OPPOSITE) -> bool:
-    """Whether any of the normals (n, 3) and (m, 3) may be opposite: the cosine between them below a
-    limit.
-    """
-    if not len(one) or not len(two):
-        return False
-    rounded = [
-        _DIRECTIONS[
-            np.flatnonzero(
-                np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
-               for normal in (one, two)]
-    return bool((rounded[0] @ rounded[1].T < cosine + 2 * COARSE).any())
 
 
 def nearest(one: BodyFaces, two: BodyFaces) -> tuple[float, np.ndarray, float]:

@@ -100,32 +100,24 @@ def bisected(mesh: Mesh, sizes: SizeMap) -> Mesh:
 class _Parts:
     """Tets with what they are parts of.
 
-    tags : (m, 4) int, of the face opposite to each corner, which named surfaces it lies on, see
-        ``named``
+    on : name of a surface → (t,) bool, whether faces of each tag lie on it; those of tag 0 do not
+    tags : (m, 4) int, of the face opposite to each corner
     """
 
     def __init__(self, mesh: Mesh):
         self.nodes, self.cells, self.volume = mesh.nodes, mesh.cells, mesh.volume
         keys = pack(self.cells[:, LOCAL_FACES].reshape(-1, 3), len(self.nodes))
-        self.named: list[tuple[str, ...]] = [()]
-        tags, known = np.zeros(len(keys), dtype=int), {(): 0}
-        for name, triangles in mesh.surfaces.items():
-            on = np.flatnonzero(np.isin(keys, pack(triangles[:, :3], len(self.nodes))))
-            for old in np.unique(tags[on]):
-                both = (*self.named[old], name)
-                if both not in known:
-                    known[both] = len(self.named)
-                    self.named.append(both)
-                tags[on[tags[on] == old]] = known[both]
-        self.tags = tags.reshape(-1, 4)
+        on = [np.append(False, np.isin(keys, pack(triangles[:, :3], len(self.nodes))))
+              for triangles in mesh.surfaces.values()]
+        on = np.packbits(np.array(on, dtype=bool).reshape(-1, len(keys) + 1), axis=0)
+        on, tags = np.unique(on, axis=1, return_inverse=True)
+        self.on = dict(zip(mesh.surfaces, np.unpackbits(on, axis=0).astype(bool)))
+        self.tags = tags.ravel()[1:].reshape(-1, 4)
 
     def surfaces(self) -> dict[str, np.ndarray]:
         """Name → (k, 3) int, outward triangles."""
         triangles, tags = self.cells[:, LOCAL_FACES].reshape(-1, 3), self.tags.ravel()
-        names = dict.fromkeys(name for both in self.named for name in both)
-        return {
-            name: triangles[np.isin(tags, [k for k, both in enumerate(self.named) if name in both])]
-            for name in names}
+        return {name: triangles[on[tags]] for name, on in self.on.items()}
 
     def halve(self, chosen: np.ndarray) -> None:
         """Halves tets ``chosen`` (m,) bool, and others until all share their faces."""
