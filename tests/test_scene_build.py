@@ -66,7 +66,7 @@ def interfaces_of(mesh, fixed=None, entries=()):
     numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
     laws = Laws(list(entries), [*partition.names, *mesh.volumes])
-    interfaces, _ = make_interfaces(Parts(mesh, faces, partition, numbering), laws, found)
+    interfaces, _ = make_interfaces(Parts(mesh, faces, partition, numbering, np.ones(len(mesh.cells)), fixed), laws, found)
     return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
 
 

@@ -17,7 +17,6 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.freedom import join_bolts
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.fitting import fitted
-from orchestrator.scene.interfaces.mortar.surfaces import SlaveMatter
 from orchestrator.scene.interfaces.overlap import sagittas
 from orchestrator.scene.interfaces.pairs import make_interfaces
 from orchestrator.scene.interfaces.parts import Parts
@@ -51,22 +50,22 @@ def joined(config: Config, cut: Divided, boundary: list[BoundaryEntry],
            problems: Problems) -> Joined:
     """Return the interfaces; where their sides are fitted to each other the mesh's nodes move, and
     what acts on faces with them."""
-    body, mesh, matter = cut.body, cut.body.mesh, _matter(cut.body, boundary)
+    body, mesh = cut.body, cut.body.mesh
+    young, held = _matter(body, boundary)
     asked = "interfaces" in config.model_fields_set and any(
         entry.tool is None for entry in config.interfaces)
     laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes],
                 config.factors(config.interfaces), asked)
     interfaces, near = ([], {}) if cut.failed else make_interfaces(
-        Parts(mesh, body.faces, cut.partition, cut.numbering, matter), laws, problems)
+        Parts(mesh, body.faces, cut.partition, cut.numbering, young, held), laws, problems)
     bolts = join_bolts(cut.bolts, interfaces, config.bolts, config.factors(config.bolts), problems)
     if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.standin import report_joints, report_units
 
         report_joints(mesh, interfaces, cut.numbering, problems)
-        report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
+        report_units(mesh, interfaces, cut.partition.subdomain, young, problems)
     covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
     if any(i.surfaces is not None for i in interfaces):
-        held = matter.held.copy()
         for stand in mesh.foreign:
             held[stand.nodes] = True
         mesh = fitted(mesh, cut.numbering, interfaces, held)
@@ -79,9 +78,9 @@ def joined(config: Config, cut: Divided, boundary: list[BoundaryEntry],
                   covered, sagittas(mesh, sorted({v for pair in near for v in pair})))
 
 
-def _matter(body: Body, boundary: list[BoundaryEntry]) -> SlaveMatter:
-    """Return what chooses slaves; without materials, which are complained of elsewhere, all is
-    alike.
+def _matter(body: Body, boundary: list[BoundaryEntry]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the modulus (m,) of each cell, 1 without materials, which are complained of
+    elsewhere; and which components (n, 3) bool are prescribed.
     """
     young = np.array([m.young for m in body.materials] or [1.0])
     young = young[np.maximum(body.material, 0) if body.materials else 0 * body.material]
@@ -91,7 +90,7 @@ def _matter(body: Body, boundary: list[BoundaryEntry]) -> SlaveMatter:
             held[entry.nodes] |= entry.prescribed.fixed
     for stand in body.mesh.foreign:
         held[stand.nodes] |= stand.held
-    return SlaveMatter(young, held)
+    return young, held
 
 
 def with_tools(config: Config, before: Joined, problems: Problems) -> Joined:

@@ -120,7 +120,7 @@ class Following:
                 apart = other[np.unique(i.mortar.triangles[:, :3])].mean(axis=0) - own[points]
                 along = np.where(i.mortar.carrying, along, apart.T)
                 farthest = max(farthest,
-                               peak(np.linalg.norm(along, axis=0) / i.moving.size[points]))
+                               peak(np.linalg.norm(along, axis=0) / i.moving.surfaces.size[points]))
         return self.space.team.max(farthest)[0]
 
 

@@ -90,8 +90,7 @@ def surface_gap(parts: Parts, interface: Interface, key: tuple[int, str],
     key : the entry of the YAML and what in it asks for the distance
     """
     surfaces = interface.surfaces
-    x1, one = surfaces.points[0], surfaces.triangles[0]
-    h, inside = local_size(x1, one), -_mean_distance(surfaces)
+    x1, h, inside = surfaces.points[0], surfaces.size, -_mean_distance(surfaces)
     off_facets, unsure = (around(surfaces, *(getattr(side, name) for side in surfaces.under))
                           for name in ("sagitta", "unsure"))
     deep = inside > off_facets + COINCIDE * h
@@ -116,7 +115,7 @@ def surface_gap(parts: Parts, interface: Interface, key: tuple[int, str],
 def _surface_distance(parts: Parts, surfaces: Surfaces) -> np.ndarray:
     """Return (n₁,) the distance of the surfaces that facets stand for, at the slave's nodes."""
     weights, corners = surfaces.weights, surfaces.triangles[0]
-    held = surfaces.held(weights, tuple(parts.matter.held[nodes] for nodes in surfaces.nodes))
+    held = surfaces.held(weights, tuple(parts.held[nodes] for nodes in surfaces.nodes))
     gap = node_gaps(surfaces, weights, surfaces.upright(held)) - surfaces.filled
     if surfaces.amid:  # a corner has what is beside it
         at, beside = np.repeat(corners[:, :3].ravel(), 2), corners[:, [3, 5, 3, 4, 4, 5]].ravel()
@@ -203,8 +202,7 @@ def tell_distances(parts: Parts, laws: Laws, found: Sequence[Interface],
         if not read and interface.surfaces is not None and _curved(interface.surfaces):
             surfaces = interface.surfaces
             sure = around(surfaces, *(side.unsure for side in surfaces.under)) + rounding(
-                surfaces.points[0],
-                ROUNDING * local_size(surfaces.points[0], surfaces.triangles[0]))
+                surfaces.points[0], ROUNDING * surfaces.size)
             _refuse_press_fit(parts, interface, (interface.entry, "between"),
                               _surface_distance(parts, surfaces), sure, problems)
         points = parts.mesh.nodes[interface.global_nodes]

@@ -18,16 +18,15 @@ import numpy as np
 from orchestrator.config.boundary import ROUND
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.between import Hidden
-from orchestrator.scene.interfaces.candidates import Candidate
+from orchestrator.scene.interfaces.governing import Candidate
 from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
-from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
+from orchestrator.scene.interfaces.mortar.surfaces import slave_of, Surfaces, surfaces_of, turned
 from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, OPPOSITE, TOUCHING
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.interfaces.skins import over, Skin, smooth_patches
 from orchestrator.scene.mesh.faces import components, edge_patches
-from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
 
 # What two bodies have in common is a pair from this share of the smaller facet there, and if this
@@ -148,10 +147,11 @@ def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slave
     if not found or not entry.follows and all(
             np.isin(f.segments.slave, matched).all() for f in found):
         return []
-    asked = Asked(entry.kind.as_one, candidate.slave, max(FACING, candidate.cosine))
-    if asked.slave is None and (quadratic := _quadratic(mesh, pair)) is not None:
-        asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
-    chosen = _for_all_pieces(parts, candidate, asked, slaves)
+    slave = candidate.slave
+    if slave is None and (quadratic := _quadratic(mesh, pair)) is not None:
+        slave = quadratic if candidate.entry.kind.as_one else 1 - quadratic
+    if slave is None and any(map(parts.cut_further, pair)):
+        slave = _for_all_pieces(parts, candidate, slaves)
     if entry.follows and (why := _rests(parts, pair)):
         problems.add(("interfaces", candidate.index, "pairing"),
                      f"follow between {names[0][0]} and {names[1][0]}, {why[0]}", *why[1:])
@@ -160,9 +160,12 @@ def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slave
     for patch in found:
         more = tuple(whole_faces(parts.skins(b), own)
                      for b, own in zip(pair, patch.facets)) if entry.follows else None
-        result.append(facing_surfaces(mesh.nodes, pair, patch.segments, parts.matter, asked, chosen,
-                                      more))
-        surfaces = result[-1][1]
+        segments = patch.segments.nearest(pair[0].area)
+        surfaces = surfaces_of(mesh.nodes, pair, segments, more)
+        own = _slave(parts, candidate, [surfaces]) if slave is None else slave
+        if own:
+            surfaces = turned(mesh.nodes, pair, segments, max(FACING, candidate.cosine), more)
+        result.append((own, surfaces))
         if mesh.foreign and _same_nodes(surfaces):
             problems.warnings.append(
                 f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, "
@@ -175,7 +178,7 @@ def _facing(parts: Parts, candidate: Candidate) -> list[Facing]:
     """Surfaces of two bodies that lie on each other as an entry has it."""
     entry = candidate.entry
     return facing(*map(parts.skins, candidate.pair), candidate.tolerance, entry.reach,
-                  candidate.cosine, bool(entry.apart), not entry.kind.as_one,
+                  candidate.cosine, bool(entry.apart), not candidate.entry.kind.as_one,
                   parts.hidden(*candidate.pair))
 
 
@@ -197,7 +200,7 @@ def _same_nodes(surfaces: Surfaces) -> bool:
     from scipy.spatial import cKDTree  # parts of other programs alone are asked
 
     one, two = surfaces.points
-    near = COINCIDE * local_size(one, surfaces.triangles[0])
+    near = COINCIDE * surfaces.size
     return len(one) == len(two) and bool((cKDTree(two).query(one)[0] <= near).all())
 
 
@@ -214,18 +217,18 @@ def _quadratic(mesh: Mesh, pair: tuple[BodyFaces, BodyFaces]) -> int | None:
     return known.index(True) if sum(known) == 1 else None
 
 
-def _for_all_pieces(parts: Parts, candidate: Candidate, asked: Asked,
-                    slaves: dict[tuple, str]) -> int | None:
-    """The slave, by all pieces of two bodies of which one is cut further; None: it is to be
-    seen."""
-    pair, body = candidate.pair, parts.partition.body
-    if asked.slave is not None or not any(map(parts.cut_further, pair)):
-        return asked.slave
-    named = tuple(body(b.subdomain) for b in pair)
+def _slave(parts: Parts, candidate: Candidate, patches: list[Surfaces]) -> int:
+    return slave_of(patches, parts.young, parts.held, candidate.entry.kind.as_one)
+
+
+def _for_all_pieces(parts: Parts, candidate: Candidate, slaves: dict[tuple, str]) -> int:
+    """The slave, by all pieces of two bodies of which one is cut further."""
+    body = parts.partition.body
+    named = tuple(body(b.subdomain) for b in candidate.pair)
     ordered = tuple(sorted(named))
     if ordered not in slaves:
         pieces = [[b for b in parts.bodies if body(b.subdomain) == name] for name in ordered]
         patches = [surfaces_of(parts.mesh.nodes, two, f.segments) for two in product(*pieces)
                    for f in _facing(parts, replace(candidate, pair=two))]
-        slaves[ordered] = ordered[slave_of(patches, parts.matter, asked)]
+        slaves[ordered] = ordered[_slave(parts, candidate, patches)]
     return named.index(slaves[ordered])

@@ -10,9 +10,8 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interface import Interface
-from orchestrator.scene.interfaces.candidates import Candidate
 from orchestrator.scene.interfaces.distances import paired_gap, surface_gap
-from orchestrator.scene.interfaces.governing import Laws
+from orchestrator.scene.interfaces.governing import Candidate, Laws
 from orchestrator.scene.interfaces.matching import Patch
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import BodyFaces

@@ -1,8 +1,10 @@
-"""The entry of ``interfaces:`` that governs a pair, and the law that it gives."""
+"""The entry of ``interfaces:`` that governs a pair, and the law that it gives; bodies near each other
+and what it asks of a pair of theirs: first step of the search."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -11,7 +13,9 @@ import numpy as np
 from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.errors import Problems
 from orchestrator.scene.interface import Interface
-from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, TOUCHING
+from orchestrator.scene.interfaces.opposite import (
+    BodyFaces, close_bodies, COINCIDE, cosine_of, REACH, TOUCHING)
+from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.names import matching
 
 BONDED = Entry()
@@ -139,3 +143,34 @@ class Laws:
     def means(self, pattern: str, names: Iterable[str]) -> bool:
         """Whether a pattern means one of a side's names."""
         return not self.meant(pattern).isdisjoint(names)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Two bodies near each other, and what is asked of a pair of theirs.
+
+    pair : the bodies; known : the names that each goes by
+    entry : that governs; one that bonds what touches, where none does; index : its place, or −1
+    tolerance : up to which distance it pairs faces, in units of the element size
+    cosine : bound on that between normals of such faces
+    slave : the side, 0 or 1, that it makes the slave; None: neither
+    """
+
+    pair: tuple[BodyFaces, BodyFaces]
+    known: tuple[tuple[str, str], tuple[str, str]]
+    index: int
+    entry: Any
+    tolerance: float
+    cosine: float
+    slave: int | None
+
+
+def candidates(parts: Parts, laws: Laws) -> Iterator[Candidate]:
+    """Yield the bodies that may have a pair, by their subdomains."""
+    farthest = max((entry.reach or 0.0 for entry in laws.entries), default=0.0)
+    for pair in close_bodies(parts.bodies, farthest):
+        known = tuple(map(parts.known, pair))
+        if not laws.excluded(*known):
+            index = laws.foreseen(*known)
+            yield Candidate(pair, known, index, laws[index], laws.tolerance(index),
+                            cosine_of(laws[index].angle), laws.slave(index, *known))

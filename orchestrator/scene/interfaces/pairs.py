@@ -1,4 +1,4 @@
-"""The search for pairs in its four steps: which bodies may have one (``candidates``), where their
+"""The search for pairs in its four steps: which bodies may have one (``governing``), where their
 faces lie on each other (``facing``), the interfaces there (``fitting``) and, once it is known what
 supports hold, their operators (``freedom``)."""
 
@@ -11,11 +11,10 @@ import numpy as np
 
 from orchestrator.errors import Problems, some
 from orchestrator.scene.interface import ends_of, Interface
-from orchestrator.scene.interfaces.candidates import candidates
 from orchestrator.scene.interfaces.distances import tell_distances
 from orchestrator.scene.interfaces.facing import matching_faces, meshed_apart
 from orchestrator.scene.interfaces.fitting import of_matching, of_surfaces
-from orchestrator.scene.interfaces.governing import Laws
+from orchestrator.scene.interfaces.governing import candidates, Laws
 from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours
 from orchestrator.scene.interfaces.opposite import COINCIDE, nearest, REACH
 from orchestrator.scene.interfaces.parts import Parts
@@ -89,7 +88,7 @@ def _opposite(parts: Parts, laws: Laws, problems: Problems) -> list[Interface]:
     result, slaves = [], {}
     for one in candidates(parts, laws):
         patches, surfaces = matching_faces(parts, one), []
-        if laws.asked and parts.matter is not None and one.index >= 0:
+        if laws.asked and one.index >= 0:
             surfaces = meshed_apart(parts, one, patches, slaves, problems)
         if patches or surfaces:
             laws.between(*one.known)

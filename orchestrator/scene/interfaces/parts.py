@@ -11,7 +11,6 @@ import numpy as np
 
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.between import Hidden, hidden
-from orchestrator.scene.interfaces.mortar.surfaces import SlaveMatter
 from orchestrator.scene.interfaces.opposite import BodyFaces, outer_bodies
 from orchestrator.scene.interfaces.overlap import Overlap, overlap, Solid
 from orchestrator.scene.interfaces.skins import Skins, surface_of
@@ -26,14 +25,16 @@ class Parts:
 
     mesh, faces, partition, numbering : the mesh, its faces, its subdomains, and their own numbers
         of nodes
-    matter : what chooses slaves where nodes do not match; None: such faces are no interface
+    young : (m,) modulus of each cell, by which slaves are chosen where nodes do not match
+    held : (n, 3) bool, components of nodes that are prescribed
     """
 
     mesh: Mesh
     faces: Faces
     partition: Partition
     numbering: SplitNumbering
-    matter: SlaveMatter | None = None
+    young: np.ndarray
+    held: np.ndarray
 
     @cached_property
     def bodies(self) -> list[BodyFaces]:
@@ -45,8 +46,7 @@ class Parts:
     @cached_property
     def skins(self) -> Skins:
         """The surfaces that the bodies' faces stand for."""
-        held = None if self.matter is None else self.matter.held
-        return Skins(self.mesh, self.faces, held)
+        return Skins(self.mesh, self.faces, self.held)
 
     def hidden(self, one: BodyFaces, two: BodyFaces) -> Hidden:
         """Return the test whether another body is between faces of two."""

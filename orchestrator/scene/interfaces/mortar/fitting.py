@@ -21,7 +21,7 @@ from orchestrator.scene.interfaces.mortar.operators import COVERED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
-from orchestrator.scene.mesh.geometry import local_size, tet_volumes
+from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
@@ -71,7 +71,7 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
             at, own = at[moves], own[moves]
             moved[own] = where[at]
             close &= bool((np.linalg.norm(moved[own] - nodes[own], axis=1)
-                           <= THERE * local_size(here.points[0], here.triangles[0])[at]).all())
+                           <= THERE * here.size[at]).all())
         if close:
             break
         while (crushed := tet_volumes(moved, corners) < KEPT * before).any():
@@ -97,7 +97,7 @@ def _chords(surfaces: Surfaces) -> np.ndarray:
     if surfaces.under is None:
         return np.zeros(len(surfaces.points[0]))
     off = around(surfaces, *(side.sagitta for side in surfaces.under))
-    return off + COINCIDE * local_size(surfaces.points[0], surfaces.triangles[0])
+    return off + COINCIDE * surfaces.size
 
 
 def again(surfaces: Surfaces, apart: float) -> Surfaces:

@@ -37,7 +37,7 @@ from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
 from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_vectors, unit
+from orchestrator.scene.mesh.geometry import area_vectors, node_vectors, unit
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES
 
 
@@ -68,11 +68,6 @@ class Moving:
         master: it may come to lie there."""
         return ~self.free[0] & (~self.free[1]).any(axis=0)
 
-    @cached_property
-    def size(self) -> np.ndarray:
-        """(n₁,) local element size of the slave."""
-        return local_size(self.surfaces.points[0], self.surfaces.triangles[0])
-
     def first(self) -> Mortar:
         """The operators before loading, from what has been found to lie opposite each other
         then.
@@ -87,7 +82,7 @@ class Moving:
         """
         now = replace(self.surfaces,
                       points=tuple(x + u for x, u in zip(self.surfaces.points, moved)))
-        segments = find_segments(*now.facets, self.size[now.triangles[0][:, :3]].max(axis=1))
+        segments = find_segments(*now.facets, self.surfaces.size[now.triangles[0][:, :3]].max(axis=1))
         under = now.under
         if under is not None:  # surfaces turn as the facets do
             turn = now.facets[0].normal - self.surfaces.facets[0].normal
@@ -110,7 +105,7 @@ class Moving:
         into = sp.csr_array((np.ones(len(place)), (place, np.arange(len(place)))),
                             shape=(count, len(place)))
         blocks = sp.csr_array(sp.kron(into, sp.eye_array(3), format="csr"))
-        area, gap = np.zeros(count), self.size[all_points]
+        area, gap = np.zeros(count), self.surfaces.size[all_points]
         normal = surfaces.upright(self.held)[all_points]
         area[place], gap[place], normal[place] = mortar.area, mortar.gap, mortar.normal
         return replace(mortar, points=all_points, first=sp.csr_array(blocks @ mortar.first),

@@ -47,7 +47,7 @@ from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.upright import UPRIGHT
-from orchestrator.scene.mesh.geometry import local_size, rounding, skew, unit
+from orchestrator.scene.mesh.geometry import rounding, skew, unit
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 
@@ -185,7 +185,7 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
         for m, lost in ((weights.own, gone), (weights.other, gone),
                         (weights.facets, gone[:, [1, 2, 0]] | gone[:, [2, 0, 1]])))
     offset = (own @ x1.ravel() - other @ x2.ravel()).reshape(-1, 3)
-    offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
+    offset[np.linalg.norm(offset, axis=1) <= _nothing(surfaces)[points]] = 0.0
     at, held = unit(seen), held[points]
     offset[held & (at == 0)] = 0.0
     # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has
@@ -253,12 +253,12 @@ def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.nd
     x1, x2 = surfaces.points
     apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[
         :, None]
-    apart[np.linalg.norm(apart, axis=1) <= _nothing(x1, surfaces.triangles[0])] = 0.0
+    apart[np.linalg.norm(apart, axis=1) <= _nothing(surfaces)] = 0.0
     return np.einsum("ni,ni->n", normal, apart)
 
 
-def _nothing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    return rounding(points, ROUNDING * local_size(points, triangles))
+def _nothing(surfaces: Surfaces) -> np.ndarray:
+    return rounding(surfaces.points[0], ROUNDING * surfaces.size)
 
 
 def covered_around(surfaces: Surfaces) -> np.ndarray:

@@ -17,11 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.duals import FULL, Multiplier, Weights, multipliers
-from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
+from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
 from orchestrator.scene.interfaces.opposite import BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Surface
 from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors, node_vectors, unit
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_vectors, unit
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES, TRIANGLE_SHARES
 
 
@@ -80,6 +80,11 @@ class Surfaces:
     def facets(self) -> tuple[Triangles, Triangles]:
         """Either side as it is in space."""
         return tuple(Triangles.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
+
+    @cached_property
+    def size(self) -> np.ndarray:
+        """(n₁,) local element size at the slave's nodes."""
+        return local_size(self.points[0], self.triangles[0])
 
     @property
     def carriers(self) -> np.ndarray:
@@ -189,86 +194,56 @@ ALIKE = 0.05
 MORE, SLANTED = 1.5, 0.05
 
 
-@dataclass(frozen=True)
-class SlaveMatter:
-    """Matter behind the sides, for the choice of the slave.
+def turned(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
+           cosine: float, more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
+    """The same facets with the second body's as the slave's: seen from there, as far apart as they
+    are; parameters as of ``surfaces_of``.
 
-    young : (m,) modulus of each cell of the mesh; held : (n, 3) bool, components of its nodes that
-        are prescribed
+    cosine : between the normals of facets that face each other, it is below this
     """
-
-    young: np.ndarray
-    held: np.ndarray
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Conditions asked of two sides.
-
-    as_one : whether the law makes them deform as one
-    slave : 0 or 1 where the user has chosen the first or the second side; None: as they are
-    facing : the cosine between normals has to be below this
-    """
-
-    as_one: bool
-    slave: int | None = None
-    facing: float = FACING
-
-
-def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
-                    matter: SlaveMatter, asked: Asked,
-                    slave: int | None = None, more: tuple[np.ndarray, np.ndarray]
-                    | None = None) -> tuple[int, Surfaces]:
-    """The slave, 0 or 1, on a patch on which two bodies lie on each other, and the surfaces, the
-    slave's first.
-
-    points : (n, 3) nodes of the mesh
-    segments : what they have in common there, found with the first as slave, in the numbers of the
-        bodies' facets
-    slave : where it has been chosen already, for several patches at once
-    more : facets of either body that belong to the surfaces although they need not overlap
-    """
-    segments = segments.nearest(bodies[0].area)
-    found = surfaces_of(points, bodies, segments, more)
-    if (slave_of([found], matter, asked) if slave is None else slave) == 0:
-        return 0, found
-    # the same facets, seen from the other side, as far apart as they are
     facets = [np.union1d(own, wanted)
               for own, wanted in zip((segments.slave, segments.master),
                                      more or 2 * (np.empty(0, int),))][::-1]
-    turned = [body.some(own) for body, own in zip(bodies[::-1], facets)]
-    far = MORE * np.abs(segments.distance).max() + SLANTED * turned[0].size
-    back = find_segments(*turned, far, asked.facing).nearest(turned[0].area).numbered(*facets)
-    return 1, surfaces_of(points, bodies[::-1], back, None if more is None else more[::-1])
+    own = [body.some(chosen) for body, chosen in zip(bodies[::-1], facets)]
+    far = MORE * np.abs(segments.distance).max() + SLANTED * own[0].size
+    back = find_segments(*own, far, cosine).nearest(own[0].area).numbered(*facets)
+    return surfaces_of(points, bodies[::-1], back, None if more is None else more[::-1])
 
 
 def surfaces_of(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
                 more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
-    """The facets that overlap, the first body's as the slave's; parameters as above."""
+    """The facets that overlap, the first body's as the slave's.
+
+    points : (n, 3) nodes of the mesh
+    segments : what they have in common, in the numbers of the bodies' facets
+    more : facets of either body that belong to the surfaces although they need not overlap
+    """
     return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies),
                        segments, more)
 
 
-def slave_of(patches: Sequence[Surfaces], matter: SlaveMatter, asked: Asked) -> int:
+def slave_of(patches: Sequence[Surfaces], young: np.ndarray, held: np.ndarray,
+             as_one: bool) -> int:
     """0: the side that the overlaps have been found from; 1: the other.
 
     patches : one, or all of two bodies that are cut further: the choice does not depend on the cuts
+    young : (m,) modulus of each cell of the mesh; held : (n, 3) bool, components of its nodes that
+        are prescribed
+    as_one : whether the law makes the sides deform as one
     """
-    if asked.slave is not None:
-        return asked.slave
-    held = [all(matter.held[p.nodes[side]].all() for p in patches) for side in (0, 1)]
-    if held[0] != held[1]:
-        return int(held[0])
+    stay = [all(held[p.nodes[side]].all() for p in patches) for side in (0, 1)]
+    if stay[0] != stay[1]:
+        return int(stay[0])
     facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], p.facets[side].area,
                                                          np.sort(
                                                              p.nodes[side][
                                                                  p.triangles[side][:, :3]],
                                                              axis=1)])
                                         for p in patches]), axis=0) for side in (0, 1)]
-    if asked.as_one:
-        young = [float(np.mean(matter.young[own[:, 0].astype(int)])) for own in facets]
-        if max(young) > CONTRAST * min(young):
-            return int(young[1] < young[0])
+    if as_one:
+        moduli = [float(np.mean(young[own[:, 0].astype(int)])) for own in facets]
+        if max(moduli) > CONTRAST * min(moduli):
+            return int(moduli[1] < moduli[0])
     area = [own[:, 1] for own in facets]
     common = sum(p.segments.area.sum() for p in patches)
     covered = [common >= FULL * a.sum() for a in area]
