@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orchestrator.scene.fits import ClampingBolt, Fit, PlanePatch, bolts, fits, pressed, round_faces
+from orchestrator.scene.fits import ClampingBolt, Fit, bolts, fits, round_faces
 from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
@@ -36,7 +36,6 @@ class Proposal:
 
     mesh: Mesh
     fits: list[Fit]
-    pressed: list[PlanePatch]
     bolts: list[ClampingBolt]
     pairs: int
     roles: dict[str, str]
@@ -47,15 +46,15 @@ class Proposal:
     def of(cls, mesh: Mesh, faces: Faces) -> Proposal:
         """Finds what there is."""
         if len(mesh.volumes) < 2:
-            return cls(mesh, [], [], [], 0, {})
-        found, touching = fits(round_faces(mesh, faces)), list(pressed(mesh, faces))
-        clamps = bolts(mesh, found, touching)
+            return cls(mesh, [], [], 0, {})
+        found = fits(round_faces(mesh, faces))
+        clamps = bolts(mesh, faces, found)
         roles = {}
         for number, bolt in enumerate(clamps, 1):
             for volume, what in ((bolt.volume, f"bolt_{number}"), *((nut, f"nut_{number}" + "b" * k) for k, nut in enumerate(bolt.nuts))):
                 inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
                 roles[mesh.volumes[volume]] = f"{inside}{sign}{what}"
-        return cls(mesh, found, touching, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles,
+        return cls(mesh, found, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles,
                    [_cut(mesh, faces, bolt) for bolt in clamps])
 
     def renamed(self, new_names: dict[str, str]) -> Mesh:

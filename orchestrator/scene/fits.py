@@ -118,17 +118,6 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class PlanePatch:
-    """A plane patch on which two volumes lie on each other: its normal (3,), outward of the first,
-    and its area.
-    """
-
-    volumes: tuple[int, int]
-    normal: np.ndarray
-    area: float
-
-
-@dataclass(frozen=True)
 class ClampingBolt:
     """A volume that clamps others.
 
@@ -215,20 +204,16 @@ def exact_distance(mesh: Mesh, found: Sequence[Fit]) -> np.ndarray:
     return result
 
 
-def pressed(mesh: Mesh, faces: Faces) -> Iterator[PlanePatch]:
-    """The plane patches on which volumes touch, with meshes of their own."""
-    skins = Skins(mesh, faces)
-    for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
-        for patch in facing(skins(one), skins(two), creases=True):
-            own = patch.facets[0]
-            whole = one.area[own] @ one.normal[own]
-            size = float(np.linalg.norm(whole))
-            if size > (1 - SAME) * one.area[own].sum():
-                yield PlanePatch((one.volume, two.volume), whole / size, patch.area)
+# Two volumes that touch, and the normals (k, 3) of the facets there, outward of the first.
+Touching = tuple[int, int, np.ndarray]
 
 
-def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[PlanePatch]) -> list[ClampingBolt]:
+def bolts(mesh: Mesh, faces: Faces, found: Sequence[Fit]) -> list[ClampingBolt]:
     """The volumes that clamp others, in the order of the mesh."""
+    skins, touching = Skins(mesh, faces), []
+    for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
+        touching += [(one.volume, two.volume, one.normal[patch.facets[0]])
+                     for patch in facing(skins(one), skins(two))]
     content = np.bincount(mesh.volume, tet_volumes(mesh.nodes, mesh.cells), len(mesh.volumes))
     result = []
     for volume in dict.fromkeys(fit.shaft.volume for fit in found):
@@ -250,12 +235,12 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[PlanePatch]) -> l
 
 
 def _pressing(volume: int, axis: np.ndarray,
-              touching: Sequence[PlanePatch]) -> Iterator[tuple[float, int]]:
-    """Direction, 1 or −1, in which planes of a volume press along an axis, and the volumes pressed
+              touching: Sequence[Touching]) -> Iterator[tuple[float, int]]:
+    """Direction, 1 or −1, in which faces of a volume press along an axis, and the volumes pressed
     on.
     """
-    for patch in touching:
-        if volume in patch.volumes:
-            along = float(patch.normal @ axis) * (1 if patch.volumes[0] == volume else -1)
-            if abs(along) > 1 - SAME:
-                yield float(np.sign(along)), patch.volumes[1 - patch.volumes.index(volume)]
+    for one, two, normals in touching:
+        if volume in (one, two):
+            along = normals @ axis * (1 if volume == one else -1)
+            for way in np.unique(np.sign(along[np.abs(along) > 1 - SAME])):
+                yield float(way), two if volume == one else one
