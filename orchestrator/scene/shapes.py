@@ -79,37 +79,23 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     if len(points) < 6:
         return Shape("curved")
-    middles, found = nodes[triangles[:, :3]].mean(axis=1), []
     shift = points.mean(axis=0)
     centre, radius = through(points - shift)
-    centre += shift
-    if _fits(np.linalg.norm(points - centre, axis=1) - radius, radius, size) and len(points) > 6:
-        found.append((_off(middles - centre, normals), Shape("sphere", None, radius, centre)))
     # facets of a cylinder look across its axis, but for what their size makes of it
-    best = cylinder(points, np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0])
-    axis, radius = best.axis, float(best.numbers[0])
-    if _fits(best.at(points)[0], radius, size):
-        arm = middles - best.centre
-        found.append((_off(arm - np.outer(arm @ axis, axis), normals),
-                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius,
-                            best.centre)))
+    across = np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0]
+    middles, found = nodes[triangles[:, :3]].mean(axis=1), []
+    for kind, fewest, surface in (
+            ("sphere", 7, Revolved(centre + shift, across, np.array([radius]), _sphere)),
+            ("cylinder", 6, cylinder(points, across))):
+        radius, axis = float(surface.numbers[0]), surface.axis
+        if (0 < radius < FLATTEST * size and len(points) >= fewest
+                and np.abs(surface.at(points)[0]).max() <= ROUND * radius):
+            off = np.linalg.norm(np.cross(surface.at(middles)[1], normals), axis=1).mean()
+            found.append((off, Shape(
+                kind, None if kind == "sphere" else axis * np.sign(axis[np.abs(axis).argmax()]),
+                radius, surface.centre)))
     # the nodes of two rings are on a cylinder and on a sphere: the facets between them tell which
     return min(found, key=lambda each: each[0])[1] if found else Shape("curved")
-
-
-def _off(arms: np.ndarray, normals: np.ndarray) -> float:
-    """Mean deviation of facets' normals (k, 3) from the directions of arms (k, 3), or their
-    opposites.
-    """
-    return float(np.linalg.norm(np.cross(arms, normals), axis=1).sum()
-                 / np.linalg.norm(arms, axis=1).sum())
-
-
-def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
-    """Whether points at distances (n,) from a round surface lie on it, and it is no flatter than
-    can be told.
-    """
-    return 0 < radius < FLATTEST * size and bool(np.abs(distance).max() <= ROUND * radius)
 
 
 FEWEST = 12  # nodes; a torus has seven unknowns
