@@ -94,7 +94,7 @@ def divided(config: Config, body: Body, problems: Problems) -> Divided:
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.
-        partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
+        partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), ["all"]), True
     if config.bolts and not failed:
         partition, cuts = cut_bolts(mesh, body.faces, partition, config.bolts, config.interfaces,
                                     problems)

@@ -56,8 +56,8 @@ def joined(config: Config, cut: Divided, boundary: list[BoundaryEntry],
         entry.tool is None for entry in config.interfaces)
     laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes],
                 config.factors(config.interfaces), asked)
-    interfaces, near = ([], {}) if cut.failed else make_interfaces(
-        Parts(mesh, body.faces, cut.partition, cut.numbering, young, held), laws, problems)
+    parts = Parts(mesh, body.faces, cut.partition, cut.numbering, young, held)
+    interfaces, near = ([], {}) if cut.failed else make_interfaces(parts, laws, problems)
     bolts = join_bolts(cut.bolts, interfaces, config.bolts, config.factors(config.bolts), problems)
     if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.standin import report_joints, report_units
