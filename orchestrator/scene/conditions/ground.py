@@ -10,7 +10,7 @@ their entry of ``boundary``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,93 +36,89 @@ THICKNESS = 0.1
 class Layer:
     """Layer to lie behind some faces.
 
-    name : of the subdomain that it is; body : of its body, and of its volume, which the mesh knows
+    name : of the subdomain that it is
     triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each
     whole : it is one interface with each body, in however many patches
     thickness : over the size of its faces
     """
 
     name: str
-    body: str
     triangles: np.ndarray
     cells: np.ndarray
     whole: bool = False
     thickness: float = THICKNESS
 
 
-def add_layers(cut: Divided, volumes: Sequence[str],
-               wanted: Sequence[Layer]) -> tuple[Divided, list[slice], list[list[Interface]]]:
+def add_layers(cut: Divided, wanted: Mapping[str, Sequence[Layer]],
+               ) -> tuple[Divided, list[slice], list[list[Interface]]]:
     """Return a scene with a thin layer of tets behind faces each, a subdomain of its own with nodes
     of its own.
 
-    volumes : names of those that the layers are, also where there are none on a piece of a mesh
-    Returns also the nodes of each layer, those on its faces first; and the interfaces of each with
-    the bodies that it lies on, without a law
+    wanted : name of a body, which the mesh has as a volume, → its layers, maybe none
+    Returns also the nodes of each body's layers, each layer's on the faces first; and the
+    interfaces with what they lie on, without a law
     """
     # with it comes SciPy, which checks do without
     from orchestrator.scene.soles.facets import Facets
     from orchestrator.scene.soles.make import prisms
 
     body, partition = cut.body, cut.partition
-    mesh = replace(body.mesh, volumes=[*body.mesh.volumes, *volumes])
+    mesh, names = body.mesh, list(partition.names)
     layers, cells, volume, subdomain, material = (
         [x] for x in (mesh.nodes, mesh.cells, mesh.volume, partition.subdomain, body.material))
-    names = list(partition.names)
     bodies = [partition.body(e) for e in range(len(names))]
-    nodes: list[slice] = []
-    for one in wanted:
-        at, local = _local(one.triangles)
-        points, count, first = mesh.nodes[at], len(local), sum(map(len, layers))
-        layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
-                              one.thickness * local_size(points, local)), +1)
-        layers.append(np.vstack([points, layer.points]))
-        cells.append(layer.cells + first)
-        nodes.append(slice(first, first + len(layers[-1])))
-        volume.append(np.full(len(layer.cells), mesh.volumes.index(one.body)))
-        subdomain.append(np.full(len(layer.cells), len(names)))
-        material.append(np.repeat(body.material[one.cells], 3))
-        names.append(one.name)
-        bodies.append(one.body)
+    nodes, firsts = [], [len(mesh.nodes)]
+    for number, (name, several) in enumerate(wanted.items(), len(mesh.volumes)):
+        begin = firsts[-1]
+        for one in several:
+            at, local = np.unique(one.triangles, return_inverse=True)
+            local, points, count = local.reshape(one.triangles.shape), mesh.nodes[at], len(one.cells)
+            layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
+                                  one.thickness * local_size(points, local)), +1)
+            layers += [points, layer.points]
+            cells.append(layer.cells + firsts[-1])
+            firsts.append(firsts[-1] + len(points) + len(layer.points))
+            volume.append(np.full(len(layer.cells), number))
+            subdomain.append(np.full(len(layer.cells), len(names)))
+            material.append(np.repeat(body.material[one.cells], 3))
+            names.append(one.name)
+            bodies.append(name)
+        nodes.append(slice(begin, firsts[-1]))
     nodes_of, cells, volume, subdomain, material = map(
         np.concatenate, (layers, cells, volume, subdomain, material))
-    whole = replace(mesh, nodes=nodes_of, cells=cells, volume=volume)
-    numbering = split_numbering(cells, subdomain, len(nodes_of))
+    whole = replace(mesh, nodes=nodes_of, cells=cells, volume=volume,
+                    volumes=[*mesh.volumes, *wanted])
     faces = faces_of(cells[:, :4], len(nodes_of))
     faces = faces if cells.shape[1] == 4 else faces_of_six(faces, cells)
     added = replace(cut, body=replace(body, mesh=whole, faces=faces, material=material),
-                    partition=Partition(subdomain, names, bodies), numbering=numbering)
-    return added, nodes, [_interfaces(added, own.start, one) for one, own in zip(wanted, nodes)]
+                    partition=Partition(subdomain, names, bodies),
+                    numbering=split_numbering(cells, subdomain, len(nodes_of)))
+    starts = iter(firsts)
+    return added, nodes, [[i for one in several for i in _interfaces(added, next(starts), name, one)]
+                          for name, several in wanted.items()]
 
 
-def _local(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(p,) int, the nodes of triangles (k, 3 or 6), ascending, and these as indices of them."""
-    at, local = np.unique(triangles, return_inverse=True)
-    return at, local.reshape(triangles.shape)
-
-
-def _interfaces(cut: Divided, first: int, layer: Layer) -> list[Interface]:
+def _interfaces(cut: Divided, first: int, body: str, layer: Layer) -> Iterator[Interface]:
     """Between each body on a surface and the layer behind it, patch by patch.
 
     first : first node of the layer
     """
     partition, numbering, faces = cut.partition, cut.numbering, cut.body.faces
-    at, local = _local(layer.triangles)
-    owner = partition.subdomain[layer.cells]
-    ground = int(partition.subdomain[faces.owner[faces.find(local[:1, :3] + first)[0]]])
+    at, local = np.unique(layer.triangles, return_inverse=True)
+    local = local.reshape(layer.triangles.shape)
+    behind = faces.owner[faces.find(local[:, :3] + first)]
+    owner, ground = partition.subdomain[layer.cells], int(partition.subdomain[behind[0]])
     group = owner if layer.whole else np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0,
                                                 return_inverse=True)[1].ravel()
-    found = []
     for one in np.unique(group):
         chosen = np.flatnonzero(group == one)
         mine, e = np.unique(local[chosen]), int(owner[chosen[0]])
         own = tuple(numbering.find(np.int64(part), ids) - numbering.offsets[part]
                     for part, ids in ((e, at[mine]), (ground, first + mine)))
-        cells = np.c_[layer.cells[chosen], faces.owner[faces.find(local[chosen, :3] + first)]]
-        found.append(Interface(-1, f"{partition.names[e]} | {layer.body}", (e, ground), at[mine],
-                               own,
-                               np.searchsorted(mine, local[chosen]), cells,
-                               np.ones((len(mine), 3), dtype=bool)))
-    return found
+        yield Interface(-1, f"{partition.names[e]} | {body}", (e, ground), at[mine], own,
+                        np.searchsorted(mine, local[chosen]),
+                        np.c_[layer.cells[chosen], behind[chosen]],
+                        np.ones((len(mine), 3), dtype=bool))
 
 
 def add_grounds(cut: Divided, boundary: list[BoundaryEntry], problems: Problems,
@@ -134,37 +130,34 @@ def add_grounds(cut: Divided, boundary: list[BoundaryEntry], problems: Problems,
     the nodes of its grounds
     """
     standing = [entry for entry in boundary if entry.ground]
-    layers = {entry.index: list(_behind(entry, cut.partition)) for entry in standing}
-    added, nodes, between = add_layers(cut, [f"ground of {entry.name}" for entry in standing],
-                                       [layer for own in layers.values() for layer in own])
-    interfaces, stands, count = [], {}, 0
-    for entry in standing:
-        own = slice(count, count + len(layers[entry.index]))
-        count = own.stop
-        if entry.ground.whole and count - own.start > 1:
+    layers = {f"ground of {entry.name}": list(_behind(entry, cut.partition)) for entry in standing}
+    added, nodes, between = add_layers(cut, layers)
+    interfaces, stands = [], {}
+    for entry, own, there, found in zip(standing, layers.values(), nodes, between):
+        if entry.ground.whole and len(own) > 1:
             problems.add(
                 ("boundary", entry.index, "on"),
-                f"a {entry.kind} of a surface that {count - own.start} subdomains share",
+                f"a {entry.kind} of a surface that {len(own)} subdomains share",
                 "a surface of one subdomain, that moves as one",
                 "leave its body whole: write subdomains: groups, without split_above or with a "
                 "larger one")
             continue
-        for interface in (interface for found in between[own] for interface in found):
+        for interface in found:
             points = added.body.mesh.nodes[interface.global_nodes]
             _govern(interface, entry.ground.laws(points, interface.triangles))
             interface.ground = True
             interfaces.append((entry.index, interface))
-        if own.stop > own.start:
-            stands[entry.index] = slice(nodes[own.start].start, nodes[own.stop - 1].stop)
+        if own:
+            stands[entry.index] = there
     return added, interfaces, stands
 
 
 def _behind(entry: BoundaryEntry, partition: Partition) -> Iterator[Layer]:
     """One layer behind each subdomain that has faces of an entry."""
-    owner, body = partition.subdomain[entry.cells[:, 0]], f"ground of {entry.name}"
+    owner = partition.subdomain[entry.cells[:, 0]]
     for e in np.unique(owner):
         own = owner == e
-        yield Layer(f"{body} behind {partition.names[e]}", body, entry.triangles[own],
+        yield Layer(f"ground of {entry.name} behind {partition.names[e]}", entry.triangles[own],
                     entry.cells[own, 0], entry.ground.whole)
 
 

@@ -14,8 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -67,10 +65,11 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
             problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is",
                          "a name of its own", "give it a name")
         try:
-            rigid = rigid_of(name, tool, times, (*path, *PLACE[2:]))
+            surface = surface_of_tool(tool, (*path, *PLACE[2:]))
         except InputError as error:
             problems.found += error.problems
             continue
+        rigid = Rigid(name, surface, Driven.of(tool, surface.middle, times))
         volumes = volumes_named(mesh, entry.pair[0], (*path, "between", 0), problems)
         foreign = [mesh.volumes[stand.volume] for stand in mesh.foreign if stand.volume in volumes]
         if foreign:
@@ -89,15 +88,6 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
                              "a force that presses it on the part",
                              "change the sign of the force, or prescribe the displacement there")
     return found
-
-
-def rigid_of(name: str, tool: Tool, factors: Sequence[float], path: KeyPath) -> Rigid:
-    """A tool in its place; factors (steps,) of its history.
-
-    Raises InputError: as ``surface_of_tool``
-    """
-    surface = surface_of_tool(tool, path)
-    return Rigid(name, surface, Driven.of(tool, surface.middle, factors))
 
 
 def surface_of_tool(tool: Tool, path: KeyPath) -> ToolSurface:
@@ -123,19 +113,17 @@ def add_tools(cut: Divided, pressed: Sequence[Pressed],
     first : how many entries ``boundary`` has already
     Returns also the interfaces with the tools, with their laws, and what moves or loads each
     """
-    layers = [list(_behind(one, cut.body.faces, cut.partition)) for one in pressed]
-    added, nodes, between = add_layers(cut, [one.tool.name for one in pressed],
-                                       [layer for own in layers for layer in own])
-    ends, entries = np.cumsum([0, *map(len, layers)]), []
-    for number, one in enumerate(pressed):
-        own = slice(ends[number], ends[number + 1])
-        for interface in chain.from_iterable(between[own]):
+    layers = {one.tool.name: list(_behind(one, cut.body.faces, cut.partition)) for one in pressed}
+    added, nodes, between = add_layers(cut, layers)
+    entries = []
+    for one, own, there, found in zip(pressed, layers.values(), nodes, between):
+        for interface in found:
             points = added.body.mesh.nodes[interface.global_nodes]
             gaps, interface.normals = one.tool.gaps(points)
             laws = [one.entry.kind.of(one.entry, len(points), 1.0, gap) for gap in gaps]
             interface.govern(laws, (gaps != gaps[:1]).any())
             interface.entry, interface.tool = one.index, one.tool
-        entries.append(_driven(added.body.faces, one, layers[number], nodes[own], first + number))
+        entries.append(_driven(added.body.faces, one, own, there, first + len(entries)))
     return added, [interface for own in between for interface in own], entries
 
 
@@ -146,29 +134,22 @@ def _behind(one: Pressed, faces: Faces, partition: Partition) -> Iterator[Layer]
     owner, name = partition.subdomain[faces.owner[one.faces]], one.tool.name
     for e in np.unique(owner) if one.tool.driven.held else [None][: len(owner)]:
         own = one.faces[slice(None) if e is None else owner == e]
-        yield Layer(name if e is None else f"{name} on {partition.names[e]}", name,
-                    faces.triangles[own], faces.owner[own], thickness=THIN)
+        yield Layer(name if e is None else f"{name} on {partition.names[e]}", faces.triangles[own],
+                    faces.owner[own], thickness=THIN)
 
 
-def _driven(faces: Faces, one: Pressed, layers: Sequence[Layer], nodes: Sequence[slice],
+def _driven(faces: Faces, one: Pressed, layers: Sequence[Layer], nodes: slice,
             index: int) -> BoundaryEntry:
     """Motion of a tool's layers: on all their faces, or on those of the back of one that is loaded;
-    ``nodes``: of each."""
-    outer, begin, end = faces.outer, *((nodes[0].start, nodes[-1].stop) if nodes else (0, 0))
+    ``nodes``: of the layers."""
+    outer, begin = faces.outer, nodes.start
     if layers and not one.tool.driven.held:
         begin += len(np.unique(layers[0].triangles))
     triangles = faces.triangles[outer]
-    own = outer[(triangles >= begin).all(axis=1) & (triangles < end).all(axis=1)]
+    own = outer[(triangles >= begin).all(axis=1) & (triangles < nodes.stop).all(axis=1)]
     triangles = faces.triangles[own]
     return BoundaryEntry(index, KIND, triangles, np.c_[faces.owner[own], faces.neighbour[own]],
                          np.unique(triangles), one.tool.driven.told, one.tool)
-
-
-class Towards(NamedTuple):
-    """Normals (k, 3) of facets, and how far off (k,) a tool may be that they are paired with."""
-
-    normal: np.ndarray
-    room: np.ndarray
 
 
 def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entry: Entry,
@@ -188,27 +169,17 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
-    chosen, near = _within_reach(points, local, Towards(facet, entry.reach or REACH * size), tool,
-                                 entry)
+    cosine, room = cosine_of(entry.angle), entry.reach or REACH * size
+    chosen, near = np.zeros(len(local), dtype=bool), np.inf
+    for move in np.unique(tool.driven.moves, axis=0):  # within reach at some load step
+        distance, normal = tool.at(move, points)
+        looks = np.einsum("kc,kc->k", facet, normal[local[:, :3]].mean(axis=1)) < cosine
+        apart = distance[local].min(axis=1)
+        chosen |= looks & (apart <= room)
+        near = min(near, float(apart[looks].min(initial=np.inf)))
     if not chosen.any():
         _nothing(mesh, cells, tool, near, path, problems)
     return outer[chosen]
-
-
-def _within_reach(points: np.ndarray, local: np.ndarray, facing: Towards, tool: Rigid,
-                  entry: Entry) -> tuple[np.ndarray, float]:
-    """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at
-    some load step; and how near any comes that
-    looks at it."""
-    cosine = cosine_of(entry.angle)
-    chosen, near = np.zeros(len(local), dtype=bool), np.inf
-    for move in np.unique(tool.driven.moves, axis=0):
-        distance, normal = tool.at(move, points)
-        looks = np.einsum("kc,kc->k", facing.normal, normal[local[:, :3]].mean(axis=1)) < cosine
-        apart = distance[local].min(axis=1)
-        chosen |= looks & (apart <= facing.room)
-        near = min(near, float(apart[looks].min(initial=np.inf)))
-    return chosen, near
 
 
 def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid, path: KeyPath,
