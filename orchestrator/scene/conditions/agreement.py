@@ -45,10 +45,6 @@ class Told:
         return cls(*(np.concatenate([getattr(one, name) for one in several], axis=axis)
                      for name, axis in (("node", 0), ("direction", 0), ("value", 1), ("entry", 0))))
 
-    def some(self, chosen: np.ndarray) -> Told:
-        return Told(self.node[chosen], self.direction[chosen], self.value[:, chosen],
-                    self.entry[chosen])
-
 
 @dataclass
 class Circuits:
@@ -75,25 +71,15 @@ def check_agreement(held: Held, interfaces: Sequence[Interface],
     if not jumps and not grounds:
         return
     circuits, label = _across(held, jumps, problems), held.label
-    group = circuits.group
-    told = [_components(held, c) for c in range(3)] + [_directions(held, entry, i)
-                                                       for entry, i in grounds]
-    rows = Told.joined(told)
-    of = group[label[rows.node]]
-    special = np.zeros(group.max() + 1, dtype=bool)
-    special[of[sum(len(one.node) for one in told[:3]):]] = True
-    special[
-        group[
-            np.concatenate([np.zeros(0, dtype=int),
-                            *(label[held.numbering.sides(i)[0]] for i in jumps)])]] = True
-    chosen = special[of]
-    rows, of = rows.some(chosen), of[chosen]
+    rows = Told.joined([_components(held, c) for c in range(3)]
+                       + [_directions(held, entry, i) for entry, i in grounds])
     if not len(rows.node):
         return
+    of = circuits.group[label[rows.node]]
     moved = rows.value - np.einsum("rc,trc->tr", rows.direction,
                                    circuits.shift[:, label[rows.node]])
     left = np.abs(residual(rows.direction, moved, of))
-    size = np.zeros((len(moved), group.max() + 1))
+    size = np.zeros((len(moved), circuits.group.max() + 1))
     for values in (np.abs(rows.value), np.abs(moved), held.changes().T[:, rows.entry]):
         np.maximum.at(size, (slice(None), of), values)
     _contradictions(held, circuits, rows, of, left > TOLERANCE * size[:, of], left, problems)
@@ -277,13 +263,10 @@ def _opposite(interface: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     s = interface.surfaces
     pairs = np.unique(np.c_[s.triangles[0][s.segments.slave, :3].ravel(),
                             np.repeat(s.segments.master, 3)], axis=0)
-    place, others = pairs[:, 0], s.triangles[1][pairs[:, 1], :3]
+    place, facets, others = pairs[:, 0], s.facets[1], s.triangles[1][pairs[:, 1], :3]
     x, corners = s.points[0][place], s.points[1][others]
-    edges = corners[:, 1:] - corners[:, :1]
-    gram = np.einsum("pax,pbx->pab", edges, edges)
-    two = np.linalg.solve(gram,
-                          np.einsum("pax,px->pa", edges, x - corners[:, 0])[:, :, None])[:, :, 0]
-    weight = np.c_[1 - two.sum(axis=1), two]
+    weight = np.einsum("pvx,px->pv", facets.slopes[pairs[:, 1]], x - corners[:, 0])
+    weight[:, 0] += 1.0
     inside = weight.min(axis=1) >= -TOLERANCE
     place, others, weight, x, corners = place[inside], others[inside], weight[inside], x[
         inside], corners[inside]
