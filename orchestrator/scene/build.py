@@ -180,9 +180,8 @@ def _check_held(bodies: Body, whole: Joined, held: Held, problems: Problems) -> 
     mesh = bodies.mesh
     between = [i for i in whole.interfaces if not i.ground]
     links, hinges = joins(mesh, whole.cut.partition, between)
-    links = links + mesh.one_body
     check_held(mesh, bodies.faces, held.on_mesh()[0][: len(mesh.nodes)], problems,
-               np.concatenate(links) if links else None,
+               [*links, *mesh.one_body],
                held_rows([i for _, i in whole.grounds], mesh), hinges)
 
 

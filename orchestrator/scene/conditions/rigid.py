@@ -108,24 +108,22 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
-               links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = (),
+               links: Sequence[np.ndarray] = (), grounds: Sequence[tuple[int, np.ndarray]] = (),
                hinges: Sequence[Hinge] = ()) -> None:
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions
     and parts.
 
-    links : (k, 2) int, cells that an interface connects although they share no face; they hold each
+    links : (k, 2) int each, cells that an interface connects although they share no face; they hold each
         other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     hinges : what joins bodies in single points
     """
     count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
-    if links is not None:
-        count, joined = components(*piece[links].T, count)
-        piece = joined[piece]
-    order = np.argsort(piece, kind="stable")
-    ranges = np.searchsorted(piece[order], np.arange(count + 1))
-    own = [_nodes_of(mesh, order[a:b] if count > 1 else slice(None))
-           for a, b in zip(ranges[:-1], ranges[1:])]
+    pairs = np.concatenate([np.empty((0, 2), dtype=int), *links])
+    count, joined = components(*piece[pairs].T, count)
+    piece = joined[piece]
+    cells = np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1])
+    own = [np.unique(mesh.cells[chosen]) for chosen in cells]
     hint = _touching(mesh, own) if count > 1 else None
     kept = [[rows for cell, rows in grounds if piece[cell] == i] for i in range(count)]
     left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None)
@@ -133,8 +131,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     hinges = [hinge for hinge in hinges if piece[hinge.cells[0]] != piece[hinge.cells[1]]]
     _hold_by_hinges([mesh.nodes[nodes] for nodes in own], left, hinges,
                     [tuple(piece[list(hinge.cells)]) for hinge in hinges])
-    named = [[mesh.volumes[v] for v in np.unique(mesh.volume[order[a:b]])]
-             for a, b in zip(ranges[:-1], ranges[1:])]
+    named = [[mesh.volumes[v] for v in np.unique(mesh.volume[chosen])] for chosen in cells]
     for i, (nodes, free) in enumerate(zip(own, left)):
         if free.shape[1] == 0:
             continue
@@ -203,17 +200,6 @@ def null_space(rows: np.ndarray) -> np.ndarray:
                             full_matrices=True)
     values = np.r_[values, np.zeros(rows.shape[1] - len(values))]
     return turned[values <= HELD * np.sqrt(len(rows))].T
-
-
-def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
-    """(n,) ascending, the nodes of some cells."""
-    chosen = mesh.cells[cells]
-    # of many pieces: marks on all nodes would grow with their square
-    if chosen.size < len(mesh.nodes):
-        return np.unique(chosen)
-    marked = np.zeros(len(mesh.nodes), dtype=bool)
-    marked[chosen] = True
-    return np.flatnonzero(marked)
 
 
 def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
