@@ -73,7 +73,6 @@ class _Refinement:
         that they leave a small share
     plan : the next mesh, as the last solution asks for it; None where no other is needed
     why : why no finer mesh is tried, though the error is too large
-    known : meshes of files and the like, read once
     unsolved : why the iterations on the last mesh have stopped without converging
     """
 
@@ -87,7 +86,7 @@ class _Refinement:
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun = self.since = time.perf_counter()
         self.watch = means.watch or Stopwatch.since_launch()
-        self.passes, self.known, self.plan, self.mesher = Passes(), {}, None, None
+        self.passes, self.plan, self.mesher = Passes(), None, None
         self.why = self.unsolved = ""
 
     def run(self, resume: bool, **options: bool) -> int:
@@ -163,7 +162,7 @@ class _Refinement:
         for (part, name), one_map in self.passes.mesh.maps.items():
             sizes.setdefault(part, {})[name] = one_map
         meshed = Meshed(sizes,
-                        self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
+                        self.mesher) if sizes and self.mesher else Meshed(sizes)
         return replace(self.means, meshed=meshed, judge=self._judged, artist=None,
                        label="" if self.quiet else f"mesh {1 + len(self.passes.done)}",
                        watch=self.watch.again() if self.passes.done else self.watch)

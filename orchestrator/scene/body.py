@@ -67,13 +67,11 @@ class Meshed:
     sizes : part, 0 where there is only ``mesh`` → how small its elements are asked to be, beside
         what the configuration says
     call : what calls the functions that make them, perhaps in another process
-    known : meshes before tets are halved, of those who make them again and again
     """
 
     def __init__(self, sizes: Mapping[int, Sizes] | None = None,
-                 call: Callable[..., Any] = lambda make, *given: make(*given),
-                 known: dict[str, Mesh] | None = None) -> None:
-        self._sizes, self._call, self._known = sizes or {}, call, known
+                 call: Callable[..., Any] = lambda make, *given: make(*given)) -> None:
+        self._sizes, self._call = sizes or {}, call
         self._asked: object = None
         self._made: tuple[Mesh, Faces] | None = None
         self._quadratic: tuple[Mesh, Faces] | None = None  # the same of ten-node tets
@@ -85,10 +83,9 @@ class Meshed:
         parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
         if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
             self.let_go()  # not both at once
-            self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0), self._known)
+            self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0))
                           if config.mesh else
-                          self._call(make_parts, config.parts, run_programs, self._sizes,
-                                     self._known))
+                          self._call(make_parts, config.parts, run_programs, self._sizes))
             self._asked = config.mesh, parts
         mesh, faces = self._made
         element, choice = config.codes[0].element, None

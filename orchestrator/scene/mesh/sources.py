@@ -32,8 +32,8 @@ SOURCES = {"beam": "mesh.sources", "box": "mesh.sources", "file": "mesh.readers.
            "polycrystal": "mesh.grains.polycrystal", "step": "mesh.solids"}
 
 
-def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None,
-              known: dict[str, Mesh] | None = None) -> tuple[Mesh, Faces]:
+def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None,
+              sizes: Sizes | None = None) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry, its names such as
     can be shown.
 
@@ -42,8 +42,6 @@ def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes 
     failed : takes what is wrong with single solids of a CAD file, by name: they are left out then
     sizes : elements are as small as these say: a CAD model is meshed so, the tets of other meshes
         are halved until they are
-    known : takes and gives sources' meshes before tets are halved, by what the configuration says
-        of them
     Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
     key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
@@ -51,9 +49,7 @@ def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes 
     if key == "step":
         made = make(mesh, failed, sizes)
     else:
-        known, name = {} if known is None else known, str(mesh)
-        made = known[name] = known.get(name) or make(mesh)
-        made = bisected(made, sizes[WHOLE]) if sizes else made
+        made = bisected(make(mesh), sizes[WHOLE]) if sizes else make(mesh)
     made = _named(made)
     if key == "file" and getattr(mesh, "rename", None):
         made = replace(made, volumes=renamed(made.volumes, mesh.rename, ("mesh", "rename")))
@@ -87,14 +83,13 @@ def _named(mesh: Mesh) -> Mesh:
 
 
 def make_parts(parts: list[OnePart], run_programs: bool | None = False,
-               sizes: Mapping[int, Sizes] | None = None,
-               known: dict[str, Mesh] | None = None) -> tuple[Mesh, Faces]:
+               sizes: Mapping[int, Sizes] | None = None) -> tuple[Mesh, Faces]:
     """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are
     ``part/surface``.
     run_programs : whether programs are started that are parts; None: these are left out
-    sizes : part → as for ``make_mesh``; known : as there
+    sizes : part → as for ``make_mesh``
     Raises InputError: as ``make_mesh``; all parts' problems, each with its place in the YAML;
     programs that may not be started
     """
@@ -103,21 +98,20 @@ def make_parts(parts: list[OnePart], run_programs: bool | None = False,
         foreign = [(i, part) for i, part in foreign if part.program is None]
     elif not run_programs:
         check_asked(parts)
-    meshes = [_together(parts, sizes or {}, known)] if any(part.mesh is not None
+    meshes = [_together(parts, sizes or {})] if any(part.mesh is not None
                                                            for part in parts) else []
     mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
 
 
-def _together(parts: list[OnePart], sizes: Mapping[int, Sizes],
-              known: dict[str, Mesh] | None) -> Mesh:
+def _together(parts: list[OnePart], sizes: Mapping[int, Sizes]) -> Mesh:
     """The parts that have meshes of ours."""
     made, problems = [], Problems()
     for i, part in enumerate(parts):
         if part.mesh is None:
             continue
         try:
-            made.append(placed(make_mesh(part.source, sizes=sizes.get(i), known=known)[0],
+            made.append(placed(make_mesh(part.source, sizes=sizes.get(i))[0],
                                part.name, part.move))
         except InputError as error:
             problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
