@@ -54,7 +54,8 @@ class Proposal:
             for volume, what in ((bolt.volume, f"bolt_{number}"), *((nut, f"nut_{number}" + "b" * k) for k, nut in enumerate(bolt.nuts))):
                 inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
                 roles[mesh.volumes[volume]] = f"{inside}{sign}{what}"
-        return cls(mesh, found, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles,
+        pairs = sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces))
+        return cls(mesh, found, clamps, pairs, roles,
                    [_cut(mesh, faces, bolt) for bolt in clamps])
 
     def renamed(self, new_names: dict[str, str]) -> Mesh:

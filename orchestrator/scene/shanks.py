@@ -123,7 +123,8 @@ def shank_of(mesh: Mesh, faces: Faces, cells: np.ndarray,
     along, off = _places(mesh.nodes[triangles[ends]], axis, middle)
     beside = (off.min(axis=1) < NEAR * radius) & (np.ptp(along, axis=1) < FLAT * radius)
     heights = along[beside].mean(axis=1)
-    around = np.flatnonzero(np.where(inner, mine ^ (inner & np.isin(faces.neighbour, cells)), ~mine))
+    beyond = inner & np.isin(faces.neighbour, cells)
+    around = np.flatnonzero(np.where(inner, mine ^ beyond, ~mine))
     volume = volume[np.where(mine, faces.neighbour, faces.owner)[around]]
     along, off = _places(mesh.nodes[triangles[around]], axis, middle)
     near = (np.abs(off - radius) < ALIKE * radius).all(axis=1) & (

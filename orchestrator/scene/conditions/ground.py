@@ -72,7 +72,8 @@ def add_layers(cut: Divided, wanted: Mapping[str, Sequence[Layer]],
         begin = firsts[-1]
         for one in several:
             at, local = np.unique(one.triangles, return_inverse=True)
-            local, points, count = local.reshape(one.triangles.shape), mesh.nodes[at], len(one.cells)
+            local, points = local.reshape(one.triangles.shape), mesh.nodes[at]
+            count = len(local)
             layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
                                   one.thickness * local_size(points, local)), +1)
             layers += [points, layer.points]
@@ -94,7 +95,8 @@ def add_layers(cut: Divided, wanted: Mapping[str, Sequence[Layer]],
                     partition=Partition(subdomain, names, bodies),
                     numbering=split_numbering(cells, subdomain, len(nodes_of)))
     starts = iter(firsts)
-    return added, nodes, [[i for one in several for i in _interfaces(added, next(starts), name, one)]
+    return added, nodes, [[i for one in several
+                           for i in _interfaces(added, next(starts), name, one)]
                           for name, several in wanted.items()]
 
 

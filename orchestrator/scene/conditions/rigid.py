@@ -113,8 +113,8 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions
     and parts.
 
-    links : (k, 2) int each, cells that an interface connects although they share no face; they hold each
-        other
+    links : (k, 2) int each, cells that an interface connects although they share no face; they
+        hold each other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     hinges : what joins bodies in single points
     """

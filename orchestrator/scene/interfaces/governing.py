@@ -1,5 +1,5 @@
-"""The entry of ``interfaces:`` that governs a pair, and the law that it gives; bodies near each other
-and what it asks of a pair of theirs: first step of the search."""
+"""The entry of ``interfaces:`` that governs a pair, and the law that it gives; bodies near each
+other and what it asks of a pair of theirs: first step of the search."""
 
 from __future__ import annotations
 

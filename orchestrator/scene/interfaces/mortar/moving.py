@@ -82,7 +82,8 @@ class Moving:
         """
         now = replace(self.surfaces,
                       points=tuple(x + u for x, u in zip(self.surfaces.points, moved)))
-        segments = find_segments(*now.facets, self.surfaces.size[now.triangles[0][:, :3]].max(axis=1))
+        reach = self.surfaces.size[now.triangles[0][:, :3]].max(axis=1)
+        segments = find_segments(*now.facets, reach)
         under = now.under
         if under is not None:  # surfaces turn as the facets do
             turn = now.facets[0].normal - self.surfaces.facets[0].normal
