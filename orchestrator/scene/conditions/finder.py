@@ -12,7 +12,7 @@ import numpy as np
 
 from orchestrator.config.base import unit
 from orchestrator.config.probes import PathProbe, PointProbe, SectionProbe, SurfaceProbe
-from orchestrator.errors import KeyPath, Problems, some
+from orchestrator.errors import InputError, KeyPath, Problems, some, wrong
 from orchestrator.scene.conditions.probes import ProbeLine, ProbePoint, ProbeSection, ProbeSurface, Tets
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
@@ -49,18 +49,18 @@ class Finder:
         found = []
         for i, (name, one) in enumerate(asked.items()):
             path = ("output", "probes", i)
-            cells = self._cells_of(one.part, (*path, "part"))
-            if cells is None:
-                continue
             find = {PointProbe: self._point, PathProbe: self._path, SectionProbe: self._section,
                     SurfaceProbe: self._surface}[type(one)]
-            made = find(one, name, cells, path)
-            found += [made] if made else []
+            try:
+                found.append(find(one, name, self._cells_of(one.part, (*path, "part")), path))
+            except InputError as error:
+                self.problems.found += error.problems
         return found
 
-    def _cells_of(self, part: str | None, path: KeyPath) -> np.ndarray | None:
-        """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there
-        is none of that name.
+    def _cells_of(self, part: str | None, path: KeyPath) -> np.ndarray:
+        """(m,) bool, the tets of a part; all where none is named.
+
+        Raises InputError: there is none of that name
         """
         if part is None:
             return np.ones(len(self.mesh.cells), dtype=bool)
@@ -68,39 +68,36 @@ class Finder:
             return np.isin(self.mesh.volumes, volumes)[self.mesh.volume]
         own = np.isin(self.bodies, matching(part, self.bodies))[self.subdomain]
         if not own.any():
-            self.problems.add(path, f"no volume and no body is called {part!r}",
-                              "a name of one, shell wildcards allowed",
-                              suggestion(part,
-                                         list(dict.fromkeys([*self.mesh.volumes, *self.bodies])),
-                                         "volume"))
-            return None
+            raise wrong(path, f"no volume and no body is called {part!r}",
+                        "a name of one, shell wildcards allowed",
+                        suggestion(part,
+                                   list(dict.fromkeys([*self.mesh.volumes, *self.bodies])),
+                                   "volume"))
         return own
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray,
-               path: KeyPath) -> ProbePoint | None:
+               path: KeyPath) -> ProbePoint:
         at = np.array(asked.at, dtype=float)
         tets = self.around(at, allowed)
         if len(tets.number):
             names = self._apart(tets)
             if len(names) > 1:
-                self.problems.add((*path, "at"),
-                                  f"{format_point(at)} is where {some(names)} meet: each has "
-                                  "values of its own there",
-                                  "one part", f"add part: {names[0]}")
-                return None
+                raise wrong((*path, "at"),
+                            f"{format_point(at)} is where {some(names)} meet: each has "
+                            "values of its own there",
+                            "one part", f"add part: {names[0]}")
             return ProbePoint(name, asked.quantity, tets.place, int(tets.number[0]),
                               tets.weights[0], tets.subdomain[:1])
         nodes = np.unique(self.mesh.cells[allowed, :4])
         distance = np.linalg.norm(self.mesh.nodes[nodes] - at, axis=1)
         nearest = self.mesh.nodes[nodes[np.argmin(distance)]]
         whose = "the body" if asked.part is None else f"{asked.part!r}"
-        self.problems.add((*path, "at"),
-                          f"{format_point(at)} is outside {whose}; the nearest node is "
-                          f"{distance.min():.6g} away, at "
-                          f"{format_point(nearest)}", "a point inside or on the surface",
-                          f"take {format_point(nearest)}, or a point between nodes; if the unit of "
-                          "length differs, set scale: under mesh:")
-        return None
+        raise wrong((*path, "at"),
+                    f"{format_point(at)} is outside {whose}; the nearest node is "
+                    f"{distance.min():.6g} away, at "
+                    f"{format_point(nearest)}", "a point inside or on the surface",
+                    f"take {format_point(nearest)}, or a point between nodes; if the unit of "
+                    "length differs, set scale: under mesh:")
 
     def around(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
         """Return tets that have a point; beside a curved surface the nearest one, farther away
@@ -126,7 +123,7 @@ class Finder:
         return Tets(cells, weights[chosen], mesh.volume[cells], self.subdomain[cells], place)
 
     def _path(self, asked: PathProbe, name: str, allowed: np.ndarray,
-              path: KeyPath) -> ProbeLine | None:
+              path: KeyPath) -> ProbeLine:
         """Points of a path; where parts meet, a point belongs to the one that the path comes
         from.
         """
@@ -144,14 +141,13 @@ class Finder:
                 of.add(int(before))
         outside = int((cells < 0).sum())
         if outside == len(at):
-            self.problems.add((*path, "along"),
-                              f"all points from {format_point(ends[0])} to "
-                              f"{format_point(ends[1])} are outside "
-                              + ("the body" if asked.part is None else repr(asked.part)),
-                              "a line through the body",
-                              "look at the coordinates; if the unit of length differs, set scale: "
-                              "under mesh:")
-            return None
+            raise wrong((*path, "along"),
+                        f"all points from {format_point(ends[0])} to "
+                        f"{format_point(ends[1])} are outside "
+                        + ("the body" if asked.part is None else repr(asked.part)),
+                        "a line through the body",
+                        "look at the coordinates; if the unit of length differs, set scale: "
+                        "under mesh:")
         if outside:
             self.problems.warnings.append(
                 f"{outside} of the {len(at)} points of {name!r} are outside the body and have no "
@@ -160,30 +156,28 @@ class Finder:
                          weights, np.array(sorted(of)))
 
     def _section(self, asked: SectionProbe, name: str, allowed: np.ndarray,
-                 path: KeyPath) -> ProbeSection | None:
+                 path: KeyPath) -> ProbeSection:
         mesh, normal, point = self.mesh, np.array(unit(asked.section.plane)), np.array(
             asked.section.point, dtype=float)
         front = (mesh.nodes[mesh.cells[:, :4]].mean(axis=1) - point) @ normal > 0
         may_part = [i for i in self.interfaces if not (i.law.perfect and i.mortar is None)]
         along = [i.name for i in may_part if _parted(mesh, i.cells, allowed, front).any()]
         if along:
-            self.problems.add((*path, "section"),
-                              f"the plane runs along {some(along)}, where sides may part",
-                              "a plane through matter",
-                              "move it by an element; what interfaces carry is in interfaces.csv, "
-                              "bolts have lines of their own")
-            return None
+            raise wrong((*path, "section"),
+                        f"the plane runs along {some(along)}, where sides may part",
+                        "a plane through matter",
+                        "move it by an element; what interfaces carry is in interfaces.csv, "
+                        "bolts have lines of their own")
         front, behind = np.flatnonzero(front & allowed), np.flatnonzero(~front & allowed)
         if not len(np.intersect1d(mesh.cells[front], mesh.cells[behind])):
             box = mesh.nodes[np.unique(mesh.cells[allowed, :4])]
-            self.problems.add((*path, "section"),
-                              "no tets have their centres behind the plane, or none before it, of "
-                              f"the body from {format_point(box.min(axis=0))} to "
-                              f"{format_point(box.max(axis=0))}",
-                              "a plane through it",
-                              "look at the coordinates, and at part:; near a face move the plane "
-                              "inwards by half an element")
-            return None
+            raise wrong((*path, "section"),
+                        "no tets have their centres behind the plane, or none before it, of "
+                        f"the body from {format_point(box.min(axis=0))} to "
+                        f"{format_point(box.max(axis=0))}",
+                        "a plane through it",
+                        "look at the coordinates, and at part:; near a face move the plane "
+                        "inwards by half an element")
         return ProbeSection(name, front, behind, normal, float(normal @ point),
                             point if asked.about is None else np.array(asked.about, dtype=float))
 
@@ -201,27 +195,25 @@ class Finder:
         return list(dict.fromkeys(self.bodies[e] for e in first))
 
     def _surface(self, asked: Any, name: str, allowed: np.ndarray,
-                 path: KeyPath) -> ProbeSurface | None:
+                 path: KeyPath) -> ProbeSurface:
         chosen = select(self.mesh, self.faces, asked.on, (*path, "on"), self.problems)
         if not len(chosen):
-            return None
+            raise InputError([])  # told there
         triangles, owner, other = self.faces.triangles[chosen], self.faces.owner[
             chosen], self.faces.neighbour[chosen]
         first, second = allowed[owner], (other >= 0) & allowed[other]
         if not (first | second).any():
-            self.problems.add((*path, "part"), f"{asked.part!r} has none of these faces",
-                              "a part that has",
-                              "name another part, or leave it out")
-            return None
+            raise wrong((*path, "part"), f"{asked.part!r} has none of these faces",
+                        "a part that has",
+                        "name another part, or leave it out")
         between = first & second & (self.mesh.volume[owner] != self.mesh.volume[other])
         if between.any():
             k = int(np.flatnonzero(between)[0])
             names = [self.mesh.volumes[self.mesh.volume[c]] for c in (owner[k], other[k])]
-            self.problems.add((*path, "on"),
-                              f"faces between {some(names)}: each has values of its own there",
-                              "one part",
-                              f"add part: {names[0]}")
-            return None
+            raise wrong((*path, "on"),
+                        f"faces between {some(names)}: each has values of its own there",
+                        "one part",
+                        f"add part: {names[0]}")
         cells = np.where(first, owner, other)
         kept = first | second
         area = np.where(first, 1.0, -1.0)[:, None] * area_vectors(self.mesh.nodes, triangles)
