@@ -52,34 +52,33 @@ def read_all(paths: Sequence[Path]) -> meshio.Mesh:
     read = [_read(path) for path in paths]
     about = [json.loads(str(file["about"])) for file in read]
     _check_whole(about, paths[0])
-    found: dict[int, list[tuple[list[str], np.ndarray]]] = {}
-    volumes = set()
+    every = np.concatenate([file["points"] for file in read])
+    tags, first, at = np.unique(np.concatenate([file["tags"] for file in read]), return_index=True,
+                                return_inverse=True)
+    if (every != every[first][at]).any():
+        raise _strangers(paths[0], "nodes of one tag at different places")
+    # name → kind of element → tags of elements; and kind → tags and nodes of all
+    volumes, others, blocks = {}, {}, {}
     for file, told in zip(read, about):
         for i, (dimension, kind, number, names) in enumerate(told["blocks"]):
-            if dimension == 3:
-                names = [f"{name}_{number}" for name in names or ["partition"]]
-                volumes |= {(number, name) for name in names}
-            found.setdefault(kind, []).append((names, file[f"rows_{i}"]))
-    tags = np.unique(np.concatenate([rows[:, 1:].ravel()
-                                     for own in found.values() for _, rows in own]))
-    cells, sets = [], {}
-    for kind, own in sorted(found.items(), key=lambda each: common._gmsh_to_meshio_type[each[0]]):
-        word, rows = common._gmsh_to_meshio_type[kind], np.concatenate([rows for _, rows in own])
-        known, first = np.unique(rows[:, 0], return_index=True)
-        if (rows[first][np.searchsorted(known, rows[:, 0])] != rows).any():
-            raise _strangers(paths[0], "elements of one tag that are not the same")
-        nodes = common._gmsh_to_meshio_order(word, rows[first, 1:])
+            rows = file[f"rows_{i}"]
+            blocks.setdefault(kind, []).append(rows)
+            for name in names or ["partition"]:
+                named = volumes.setdefault((number, f"{name}_{number}"), {}) if dimension == 3 \
+                    else others.setdefault(name, {})
+                named.setdefault(kind, []).append(rows[:, 0])
+    cells, known = [], {}
+    for kind in sorted(blocks, key=common._gmsh_to_meshio_type.get):
+        word, rows = common._gmsh_to_meshio_type[kind], np.concatenate(blocks[kind])
+        known[kind], own = np.unique(rows[:, 0], return_index=True)
+        nodes = common._gmsh_to_meshio_order(word, rows[own, 1:])
         cells.append(meshio.CellBlock(word, np.searchsorted(tags, nodes)))
-        for names, theirs in own:
-            for name in names:
-                chosen = np.searchsorted(known, theirs[:, 0])
-                sets.setdefault(name, {}).setdefault(word, []).append(chosen)
-    order = [name for _, name in sorted(volumes)]
-    order += sorted(sets.keys() - set(order))
-    named = {name: [np.unique(np.concatenate(sets[name].get(block.type, [np.empty(0, int)])))
-                    for block in cells] for name in order}
+    sets = {name: [np.unique(np.searchsorted(known[kind], np.concatenate(
+        [np.empty(0, int), *members.get(kind, [])]))) for kind in known]
+            for name, members in [*((name, own) for (_, name), own in sorted(volumes.items())),
+                                  *sorted(others.items())]}
     surfaces = {name: np.array([0, 2]) for told in about for name in told["surfaces"]}
-    return meshio.Mesh(_points(paths, read, tags), cells, cell_sets=named, field_data=surfaces,
+    return meshio.Mesh(every[first], cells, cell_sets=sets, field_data=surfaces,
                        info={"remarks": [REMARK]})
 
 
@@ -100,22 +99,6 @@ def _check_whole(about: Sequence[dict], path: Path) -> None:
              if dimension == 3}
     if missing := sorted(set(listed) - there):
         raise _strangers(path, f"partition {missing[0]} of {len(listed)} is in none of the files")
-
-
-def _points(paths: Sequence[Path], read: Sequence[dict[str, np.ndarray]],
-            tags: np.ndarray) -> np.ndarray:
-    """Return (n, 3) where the nodes of these tags are."""
-    points = np.full((len(tags), 3), np.nan)
-    for path, file in zip(paths, read):
-        own = np.isin(file["tags"], tags)
-        at, here = np.searchsorted(tags, file["tags"][own]), file["points"][own]
-        before = points[at]
-        if (~np.isnan(before) & (before != here)).any():
-            raise _strangers(path, "nodes of one tag at different places")
-        points[at] = here
-    if len(lost := np.flatnonzero(np.isnan(points).any(axis=1))):
-        raise _strangers(paths[0], f"node {tags[lost[0]]} is not there")
-    return points
 
 
 def _strangers(path: Path, found: str) -> Exception:
