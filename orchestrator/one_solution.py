@@ -33,7 +33,6 @@ from orchestrator.results.ranks import OnRanks, interfaces_of_all
 from orchestrator.results.solution import Solution, fields_of, unsound
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
-from orchestrator.scene.part import set_aside
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Savings, Stopwatch
 
@@ -76,10 +75,9 @@ class Solving:
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
         self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
         self.estimate = DiscretisationEstimate(self.whole, self.cases)
-        with set_aside(self.whole, team.size > 1 and not (self.reference or wanted)):
-            delivered, setup_sweeps, spent = self._part_solved(part)
-            del part, own
-            trim()
+        delivered, setup_sweeps, spent = self._part_solved(part)
+        del part, own
+        trim()
         delivered = replace(delivered, interfaces=interfaces_of_all(delivered.interfaces, team))
         if team.rank:
             return None
