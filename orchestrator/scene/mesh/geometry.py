@@ -145,15 +145,11 @@ def node_vectors(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray,
     return result
 
 
-def node_normals(points: np.ndarray, triangles: np.ndarray,
-                 normals: np.ndarray | None = None) -> np.ndarray:
+def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit normals at points (n, 3): mean of the normals of triangles (k, 3 or 6) weighted
     by their angle there.
 
     In the middle of an edge all angles are the same.
-
-    normals : (k, 3, 3) at the corners of each triangle, of a surface that it stands for; nan, or
-        none: its own
     """
     corners = points[triangles[:, :3]]
     normal, result = facet_normals(points, triangles)[0], np.zeros_like(points)
@@ -163,13 +159,10 @@ def node_normals(points: np.ndarray, triangles: np.ndarray,
         cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1)
                                                 * np.linalg.norm(v, axis=1))
         angle = np.arccos(np.clip(cosine, -1, 1))
-        own = normal if normals is None else np.where(np.isnan(normals[:, i]), normal,
-                                                      normals[:, i])
-        np.add.at(result, triangles[:, i], angle[:, None] * own)
+        np.add.at(result, triangles[:, i], angle[:, None] * normal)
     for middle in triangles[:, 3:].T:
         np.add.at(result, middle, np.pi * normal)
-    length = np.linalg.norm(result, axis=1, keepdims=True)
-    return result / np.where(length > 0, length, 1.0)
+    return unit(result)
 
 
 # Coordinates that differ by less than this fraction of the points' extent count as equal.

@@ -99,29 +99,30 @@ class _Mesh(InpModel):
                 lost = table[:, 1:][blocks[kind] < 0][0] % PER_SCOPE
                 raise problem("", f"an element has node {lost}, which is not there",
                               "the nodes of every element")
-        cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
-        named = {scope.name: [np.flatnonzero(numbers[kind] // PER_SCOPE * PER_SCOPE == scope.start)
-                              for kind in blocks] for scope in self.scopes.values() if scope.start}
-        named |= {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks]
-                  for name, members in self._volumes().items()}
+        # of each block the places of its elements in each group
+        cells: list[tuple[str, np.ndarray, dict[str, np.ndarray]]] = []
+        for kind, table in blocks.items():
+            scope = numbers[kind] // PER_SCOPE * PER_SCOPE
+            cells.append((kind, table, {
+                **{own.name: np.flatnonzero(scope == own.start)
+                   for own in self.scopes.values() if own.start},
+                **{name: np.flatnonzero(np.isin(numbers[kind], members))
+                   for name, members in self._volumes().items()}}))
         for name, faces in self._faces(blocks, numbers, ids).items():
             for kind, width in (("triangle", 3), ("quad", 4)):
                 of_kind = faces[(faces[:, 3] == _NO_NODE) == (width == 3), :width]
                 # A surface that holds nothing is there, empty.
                 if len(of_kind) or (kind == "triangle" and not len(faces)):
-                    cells.append(meshio.CellBlock(kind, of_kind))
-                    named.setdefault(name, []).extend([_NONE]
-                                                      * (len(cells) - 1 - len(named.get(name, []))))
-                    named[name].append(np.arange(len(of_kind)))
-        for members in named.values():
-            members += [_NONE] * (len(cells) - len(members))
+                    cells.append((kind, of_kind, {name: np.arange(len(of_kind))}))
         prefixes = [scope.prefix for scope in self.scopes.values() if scope.start]
         short = {name: next((name[len(p):] for p in prefixes if name.startswith(p)), name)
-                 for name in named}
+                 for *_, groups in cells for name in groups}
         count = Counter(name.upper() for name in short.values())  # of several with their instance
-        named = {short[name] if count[short[name].upper()] == 1 else name: members
-                 for name, members in named.items()}
-        return meshio.Mesh(self.nodes[:, 1:], cells, cell_sets=named, info={"remarks": [
+        named = {brief if count[brief.upper()] == 1 else name:
+                 [groups.get(name, _NONE) for *_, groups in cells]
+                 for name, brief in short.items()}
+        return meshio.Mesh(self.nodes[:, 1:], [(kind, table) for kind, table, _ in cells],
+                           cell_sets=named, info={"remarks": [
             f"surface '{name}' is passed over: {where}, of shells or beams"
             for name, where in self.passed.items()]})
 
