@@ -43,12 +43,9 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     give_operators(found, fixed, numbering, bodies, problems)
     for interface in found:
         if interface.mortar is not None:
-            if not len(interface.mortar) and not (interface.free.any()
-                                                  or interface.mortar.free.any()):
-                continue
-            interface.index = len(kept)
-            kept.append(interface)
             if not len(interface.mortar):
+                if not (interface.free.any() or interface.mortar.free.any()):
+                    continue
                 others = numbering.sides(interface)[1]
                 other = "" if fixed[others].any(
                     axis=1).all() else f"slave: {partition.names[interface.subdomains[1]]}, "
@@ -57,12 +54,13 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                              f"{interface.name}, is free: nothing would carry the interface",
                              "on one side, nodes on which boundary conditions leave the normal free",
                              f"{other}more than one element across, or meshes that match")
-            continue
-        one, two = (fixed[own] for own in numbering.sides(interface))
-        interface.free = ~(one & two)
-        if interface.free.any():
-            interface.index = len(kept)
-            kept.append(interface)
+        else:
+            one, two = (fixed[own] for own in numbering.sides(interface))
+            interface.free = ~(one & two)
+            if not interface.free.any():
+                continue
+        interface.index = len(kept)
+        kept.append(interface)
     for entry in sorted({i.entry for i in found} - {i.entry for i in kept}):
         if entry >= 0 and not entries[entry].kind.perfect:
             problems.add(("interfaces", entry, "law"),

@@ -120,21 +120,16 @@ def cells_of(raw: meshio.Mesh, kind: str, dimension: int,
         if index and not name.startswith("gmsh:"):
             groups.setdefault(name, []).extend(index)
     known = {numbers: name for name, numbers in physical_names(raw)}
-    for key in TAGS:
-        if key not in raw.cell_data:
-            continue
-        tags = np.concatenate([np.ravel(raw.cell_data[key][i]).astype(np.int64) for i in blocks])
-        for tag in np.unique(tags[tags != 0]):
-            name = known.get((int(tag), dimension),
-                             f"{word}_{tag}") if key == "gmsh:physical" else f"{word}_{tag}"
-            groups.setdefault(name, []).append(np.flatnonzero(tags == tag))
-        if tags.any():
-            break
-    if {"gmsh:geometrical", "gmsh:physical"} <= raw.cell_data.keys():
-        pairs = np.unique(
-            np.column_stack([np.concatenate([np.ravel(raw.cell_data[key][i]) for i in blocks])
-                                           for key in ("gmsh:geometrical", "gmsh:physical")]),
-            axis=0)
+    told = {key: np.concatenate([np.ravel(raw.cell_data[key][i]).astype(np.int64) for i in blocks])
+            for key in TAGS if key in raw.cell_data}
+    if key := next((key for key, tags in told.items() if tags.any()), None):
+        for tag in np.unique(told[key][told[key] != 0]):
+            name = known.get((int(tag), dimension) if key == "gmsh:physical" else None,
+                             f"{word}_{tag}")
+            groups.setdefault(name, []).append(np.flatnonzero(told[key] == tag))
+    if {"gmsh:geometrical", "gmsh:physical"} <= told.keys():
+        pairs = np.unique(np.column_stack([told[key] for key in (
+            "gmsh:geometrical", "gmsh:physical")]), axis=0)
         # gmsh's older files (2.2) have an element in two groups twice, once for each
         if len(pairs) > len(np.unique(pairs[:, 0])):
             _, first, back = np.unique(np.sort(cells, axis=1), axis=0, return_index=True,
