@@ -109,8 +109,7 @@ class Following:
         same on all ranks. Points that
         carry nothing have none: they move from the middle of the other side, and towards it as
         well."""
-        w, = fields.extended[:1]
-        moved = w[-1:] - self.space.extended(self.place)[0]
+        moved = fields.extended[0][-1:] - self.space.extended(self.place)[0]
         since, farthest = pairs.transfer.jump(moved)[0], 0.0
         for i, at in pairs.each():
             if i.moving is not None:
