@@ -38,6 +38,7 @@ def orchestrate(path: Path, *options: str, ranks: int = 1, temporary: Path | Non
     """``orchestrator run`` under way, its output collected; over several ranks by ``launcher``; ``temporary``: for TMPDIR."""
     command = [sys.executable, "-m", "orchestrator", "run", str(path), *options]
     environment = {**os.environ, **({} if temporary is None else {"TMPDIR": str(temporary)})}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installation has its bytecode
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, (_CLONE, environment.get("PYTHONPATH"))))
     if ranks > 1:
         command, environment = [str(launcher()), "-n", str(ranks), *command], {**environment, **MPI}

@@ -8,11 +8,13 @@ from concurrent.futures import Future
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from orchestrator.blackbox.models import boundary_dofs, extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import Refusal
 from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.soft_bodies import soft_bodies
@@ -21,11 +23,11 @@ from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.exchange_by_nodes import NodeExchange
-from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
+from orchestrator.method.interface.search_direction import placed_soles, SearchDirection, sole_requests
 from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
 from orchestrator.method.interface.traces import TraceSpace, per_node
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
-from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.linear.loading import Carried, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_by_nodes import NodeMacro
 from orchestrator.method.linear.macro_basis import interface_bases
@@ -137,11 +139,7 @@ class _SetUp:
         certified = not (perfect or remembers or method.tolerance.error is None
                          or any(i.follows for i in scene.interfaces))
         with watch("search_direction"):
-            direction = assemble_search_direction(scene, space, self.soles, blackbox,
-                                                  method.skip.congruent, savings)
-            rims, stiffness = self._rims(perfect or certified, savings)
-        # nothing is asked of the codes until ``loaded``
-        factorised = _meanwhile(lambda: blackbox.load(self.models))
+            direction, rims, stiffness, factorised = self._asked(perfect or certified, savings)
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
             local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
@@ -190,20 +188,27 @@ class _SetUp:
         return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse,
                              certificate, nonlinear, following)
 
-    def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
-        """Stiffness of the rims, and of the boundary dofs.
+    def _asked(self, whole: bool, savings: Savings) -> tuple:
+        """Search direction; stiffness of the rims, and of the boundary dofs; and when the codes
+        have factorised: nothing else is asked of them until then.
 
         whole : stiffness on interfaces is needed, as for the error; reactions always need the
             supports'
         """
-        scene, own, share = self.scene, self.own, self.method.skip.congruent
+        scene, own, blackbox, traces = self.scene, self.own, self.blackbox, self.traces
         sides = self.sides if whole else [[] for _ in self.sides]
-        rims = assemble_rims(scene, own, sides, self.blackbox, share, savings)
-        of_bodies = own_stiffness(scene, own, self.blackbox, share, savings)
+        share = self.method.skip.congruent, savings
+        requests = sole_requests(scene, self.space, self.soles)
+        matrices, factorised = _meanwhile(
+            lambda: (assembled([model for model, _, _ in requests], blackbox, *share),
+                     assemble_rims(scene, own, sides, blackbox, *share),
+                     own_stiffness(scene, own, blackbox, *share)),
+            lambda: blackbox.load(self.models))
+        soles, rims, of_bodies = matrices.result()
         check_own_matter(scene, own, of_bodies, rims,
-                         self.traces if whole else [trace[:0] for trace in self.traces])
-        stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
-        return rims, stiffness
+                         traces if whole else [trace[:0] for trace in traces])
+        stiffness = boundary_stiffness(self.space, traces, rims) if whole else None
+        return placed_soles(self.space, requests, soles), rims, stiffness, factorised
 
     def _meeting(self, direction: SearchDirection,
                  scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
@@ -288,20 +293,22 @@ def _own_copy(scene: Scene) -> Scene:
     return scene
 
 
-def _meanwhile(work: Callable[[], None]) -> Future:
-    """Work that another thread begins at once, while this one goes on: what is asked of the codes,
-    mostly waiting.
+def _meanwhile(*works: Callable[[], Any]) -> list[Future]:
+    """Works that another thread does one after the other, while this one goes on: what is asked of
+    the codes, mostly waiting. Once one fails, those after it are left: who waits for all of them in
+    their order is told.
 
-    It must not speak to other ranks. It ends with the process, even where nobody waits for it: an
-    interrupt is not held up.
+    They must not speak to other ranks. They end with the process, even where nobody waits for them:
+    an interrupt is not held up.
     """
-    done: Future = Future()
+    done = [Future() for _ in works]
 
     def run() -> None:
         try:
-            done.set_result(work())
+            for each, work in zip(done, works):
+                each.set_result(work())
         except BaseException as error:  # noqa: BLE001 - handed over to who waits
-            done.set_exception(error)
+            each.set_exception(error)
 
     threading.Thread(target=run, name="meanwhile", daemon=True).start()
     return done

@@ -13,13 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models import both_alike, sole_model, sole_models
-from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.protocol import Model
 from orchestrator.method.sparse.symmetric import factorise, Solve
 from orchestrator.method.interface.rows import eigenvalue, placed, times
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.ring import Ring
 
@@ -85,16 +83,24 @@ class SearchDirection:
         return self.space.transfer.seen_across(self.whole)
 
 
-def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox,
-                              share: bool, savings: Savings) -> SearchDirection:
-    """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
+Request = tuple[Model, np.ndarray, list[np.ndarray]]
+
+
+def sole_requests(scene: Scene, space: TraceSpace, soles) -> list[Request]:
+    """Return models of the soles, which components of their nodes are free, and which trace dofs
+    these are.
 
     soles : of both sides of interfaces, or rings of this rank's subdomains
-    share : congruent soles are assembled once
-    Raises BlackBoxError: from the code
     """
-    requests = _of_rings(scene, space, soles) if space.by_nodes else _of_sides(scene, space, soles)
-    found = assembled([model for model, _, _ in requests], blackbox, share, savings)
+    return _of_rings(scene, space, soles) if space.by_nodes else _of_sides(scene, space, soles)
+
+
+def placed_soles(space: TraceSpace, requests: Sequence[Request],
+                 found: Sequence[sp.csr_array]) -> SearchDirection:
+    """Place the soles' stiffness on the trace dofs: k⁻ of eq. 13.
+
+    found : per request, the stiffness (3n, 3n) that the black box has assembled
+    """
     different, numbers, slots = {}, [], []
     for stiffness, (_, free, own) in zip(found, requests):
         key = id(stiffness), free.tobytes()  # congruent soles share theirs; outer nodes are clamped
@@ -106,12 +112,8 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
                            space)
 
 
-Request = tuple[Model, np.ndarray, list[np.ndarray]]
-
-
 def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
-    """Models of the soles of interfaces, which components of their nodes are free, and which trace
-    dofs these are."""
+    """``sole_requests`` of interfaces."""
     return [(model, scene.interfaces[index].traced(side), list(
         space.sides[index] if both_alike(scene, index, soles[index])
         else [space.sides[index][side]]))
@@ -119,7 +121,7 @@ def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
 
 
 def _of_rings(scene: Scene, space: TraceSpace, rings: Sequence[Ring]) -> list[Request]:
-    """The same of rings."""
+    """``sole_requests`` of rings."""
     own = zip((scene.subdomains[e] for e in space.subdomains), rings, space.boundary)
     return [(sole_model(f"ring of {s.name}", scene.mesh.nodes[s.nodes[ring.nodes]], ring, s.code),
              ~s.fixed[ring.nodes], [np.arange(part.start, part.stop)])

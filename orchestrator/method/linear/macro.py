@@ -158,12 +158,12 @@ class Macro:
         del self._forces, self._worked
         answers = blackbox.traces({e: block for e, block in enumerate(forces) if len(block)})
         self.blocks = joined(sees, space.boundary, forces, answers)
-        solved, count = space.team.sum(sum(len(s) for s in sees), len(sees))
+        solved, = space.team.sum(sum(map(len, sees)))
         lower = assembled(self.blocks, self.size)
         if own is not None:
             lower = sp.tril((own + own.T) / 2, format="csr") - lower
         self._solve = self._solver(lower)
-        return self.spent + (float(solved / count) if count else 0.0)
+        return self.spent + float(solved) / space.link.subdomain_count
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β,

@@ -36,27 +36,29 @@ class NodeMacro(Macro):
         had[node] = 1
         self.shared = team.sum(had)[0][node] > 1
         self._borders = Borders(self.number[self.shared, None], np.flatnonzero(self.shared), team)
+        # per subdomain, the unknowns (s,) that it sees, Φ and k Φ (s, t); equal ones are the same
+        self._asked, known = ([], [], []), {}
+        parts = self.space.boundary
+        for part, k in zip(parts, direction.robin_blocks(range(len(parts)))):
+            own = self.fields[part]
+            seen = np.unique(own.indices)
+            dense = np.ascontiguousarray(own[:, seen].toarray())
+            both = dense.T, np.ascontiguousarray((k @ dense).T)
+            key = digest(dense, k.indptr, k.indices, k.data)
+            for one, each in zip(self._asked, (seen, *known.setdefault(key, both))):
+                one.append(each)
 
     def solve(self, blackbox: BlackBox) -> float:
         """As of the base class."""
-        space, parts = self.space, self.space.boundary
-        sees, forces, fields, known = [], [], [], {}
-        for part, k in zip(parts, self.direction.robin_blocks(range(len(parts)))):
-            own = self.fields[part]
-            sees.append(np.unique(own.indices))
-            dense = np.ascontiguousarray(own[:, sees[-1]].toarray())
-            key = digest(dense, k.indptr, k.indices, k.data)
-            if key not in known:
-                known[key] = dense.T, np.ascontiguousarray((k @ dense).T)
-            fields.append(known[key][0])
-            forces.append(known[key][1])
+        space, parts, (sees, fields, forces) = self.space, self.space.boundary, self._asked
+        del self._asked
         answers = blackbox.traces({e: force for e, force in enumerate(forces) if force.size})
         self.blocks = joined(sees, parts, forces, answers)
         own = joined(sees, parts, forces, {e: fields[e] for e in answers})
         lower = assembled(own, self.size) - assembled(self.blocks, self.size)
         self._solve = self._solver(sp.csr_array(sp.tril(regularised(lower))))
-        solved, count = space.team.sum(sum(len(own) for own in sees), len(sees))
-        return float(solved / count) if count else 0.0
+        solved, = space.team.sum(sum(map(len, sees)))
+        return float(solved) / space.link.subdomain_count
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, B) of the uncorrected stage."""
