@@ -12,7 +12,7 @@ From Python, a problem is a configuration, and its solution an object:
 ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
 ...                  {"on": "xmax", "traction": [0, 0, 1]}]})
 >>> orchestrator.solve(config)
-Solution(bar: converged after 8 iterations, error bound ...e-07)
+Solution(bar: converged after 7 iterations, error bound ...e-07)
 
 What is public is listed in ``__all__`` and imported when it is first asked for.
 """

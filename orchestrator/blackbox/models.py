@@ -57,7 +57,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
     """
     count = len(subdomain.nodes)
     points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [
-        _moduli(scene, subdomain.material)]
+        scene.moduli[subdomain.material]]
     glued = [(ring, ring.nodes)] if ring else [
         (soles[index][side], scene.interfaces[index].nodes[side]) for index, side in sides]
     for sole, inner in glued:
@@ -77,7 +77,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
 def body_model(scene: Scene, subdomain: Subdomain) -> Model:
     """The subdomain's own mesh, without soles."""
     return _model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity,
-                  _moduli(scene, subdomain.material),
+                  scene.moduli[subdomain.material],
                   fixed=subdomain.fixed, code=subdomain.code,
                   origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
@@ -137,7 +137,7 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     nodes, cells = np.unique(subdomain.connectivity[chosen], return_inverse=True)
     model = _model(f"rim of {subdomain.name}", scene.mesh.nodes[subdomain.nodes[nodes]],
                    cells.reshape(-1, subdomain.connectivity.shape[1]),
-                   _moduli(scene, subdomain.material[chosen]), code=subdomain.code,
+                   scene.moduli[subdomain.material[chosen]], code=subdomain.code,
                    origin=_origin(scene, subdomain.nodes[nodes], subdomain.cells[chosen]))
     return Rim(model, nodes)
 
@@ -146,7 +146,7 @@ def whole_model(scene: Scene) -> Model:
     """The undecomposed problem as one model, for the reference solution."""
     mesh = scene.mesh
     return _model("the whole structure", mesh.nodes, mesh.cells,
-                  _moduli(scene, scene.cell_material), fixed=scene.fixed,
+                  scene.moduli[scene.cell_material], fixed=scene.fixed,
                   origin=_origin(scene, np.arange(len(mesh.nodes)), np.arange(len(mesh.cells))))
 
 
@@ -166,11 +166,6 @@ def _model(name: str, nodes: np.ndarray, cells: np.ndarray, matter: np.ndarray, 
 
 def _origin(scene: Scene, nodes: np.ndarray, cells: np.ndarray) -> Origin:
     return Origin(nodes, cells, scene.mesh.volume, scene.mesh.volumes)
-
-
-def _moduli(scene: Scene, material: np.ndarray) -> np.ndarray:
-    """(m, 2) E and ν of tets of these materials (m,)."""
-    return np.array([[m.young, m.poisson] for m in scene.materials])[material].reshape(-1, 2)
 
 
 class Matter:

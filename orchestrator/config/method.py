@@ -40,7 +40,8 @@ class SoleSettings(Part):
         "else symmetric"))
     modulus_ratio: Positive = Field(0.5, description=(
         "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum "
-        "(0.35-0.8)"))
+        "(0.35-0.8). Of a sole that surrounds a subdomain, over the elements' own modulus: so "
+        "much with 250 nodes in the subdomain, with n nodes (250/n)^(1/6) of it"))
     contact: Literal["layer", "symmetric", "springs"] = Field("springs", description=(
         "kind on interfaces that are not perfect; springs: a layer so thin that nodes do not "
         "couple, which pointwise laws converge best with"))

@@ -136,7 +136,7 @@ class Subscriber:
     ...     subscribers=[Printer()])
     meshing
     assembling and factorising
-    converged after 8
+    converged after 7
     """
 
     wants_states = wants_checkpoints = False

@@ -23,7 +23,8 @@ from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.exchange_by_nodes import NodeExchange
-from orchestrator.method.interface.search_direction import placed_soles, SearchDirection, sole_requests
+from orchestrator.method.interface.search_direction import (placed_soles, SearchDirection,
+                                                            sole_requests)
 from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
 from orchestrator.method.interface.traces import TraceSpace, per_node
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
@@ -150,7 +151,7 @@ class _SetUp:
         else:
             (pairs, local, springs), bound = self._meeting(direction, 1.0), None
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
-        bases = self._bases()
+        bases = self._bases(direction)
         with watch("load"):
             factorised.result()
         macro = self._macro(direction, guarded, bases)
@@ -223,29 +224,28 @@ class _SetUp:
                               for s, t in zip(self.own, self.traces)])
         return [m[t] for m, t in zip(modes, self.traces)], external
 
-    def _bases(self) -> list[np.ndarray] | None:
-        """Per interface, the macro basis; None where there is no linear macro problem."""
+    def _bases(self, direction: SearchDirection) -> Macro | list[np.ndarray] | None:
+        """The macro problem itself where a scene is solved by nodes, else its basis per interface;
+        None where there is no linear one."""
         macro, scene = self.method.macro, self.scene
         wanted = [i.law.perfect or macro.on == "all" for i in scene.interfaces]
-        if macro.strategy == "none" or not any(wanted) or self.space.by_nodes:
+        if macro.strategy == "none" or not any(wanted):
             return None
         with self.watch("macro"):
+            if self.space.by_nodes:
+                return NodeMacro(scene, direction)
             kind = "affine" if macro.basis in ("auto", "modes") else macro.basis
             return interface_bases(scene, self.space, kind, wanted, self.method.skip.congruent)
 
     def _macro(self, direction: SearchDirection, guarded: GuardedTraces,
-               bases: list[np.ndarray] | None) -> Macro | None:
+               bases: Macro | list[np.ndarray] | None) -> Macro | None:
         """The linear macro problem, on perfect interfaces or on all; still to be solved."""
-        if self.space.by_nodes and self.method.macro.strategy != "none":
-            with self.watch("macro"):
-                return NodeMacro(self.scene, direction)
-        if bases is None:
-            return None
-        kind, scene, spent = self.method.macro.basis, self.scene, 0.0
+        if not isinstance(bases, list):
+            return bases
+        kind, spent = self.method.macro.basis, 0.0
         with self.watch("macro"):
             if kind in ("auto", "modes"):
-                chosen = difficulty(scene).soft if kind == "auto" else np.ones(
-                    len(scene.subdomains), dtype=bool)
+                chosen = difficulty(self.scene).soft | (kind == "modes")
                 modes, spent = soft_modes(direction, guarded, chosen)
                 bases = enriched(self.space, direction.whole, bases, modes)
             return Macro(self.space, direction, bases, self.method.macro.strategy, spent)

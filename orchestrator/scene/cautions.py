@@ -34,7 +34,7 @@ def locking(scene: Scene) -> Iterator[str]:
     """Yield a sentence on four-node tets of nearly incompressible matter."""
     if scene.mesh.cells.shape[1] != 4:
         return
-    ratio = np.array([material.poisson for material in scene.materials])[scene.cell_material]
+    ratio = scene.moduli[scene.cell_material, 1]
     stiff = np.unique(scene.mesh.volume[ratio > LOCKING])
     if len(stiff):
         yield (

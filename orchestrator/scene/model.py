@@ -301,6 +301,11 @@ class Scene:
         return any(s.remembers for s in self.subdomains)
 
     @cached_property
+    def moduli(self) -> np.ndarray:
+        """(materials, 2) float, E and ν of each."""
+        return np.array([[m.young, m.poisson] for m in self.materials]).reshape(-1, 2)
+
+    @cached_property
     def stand_ins(self) -> np.ndarray:
         """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts
         of other programs.

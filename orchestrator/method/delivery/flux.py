@@ -112,8 +112,7 @@ class Carrier:
         chosen, weights = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))]
         for layer in self.layers:
             used, corners = np.unique(cells[layer.tets], return_inverse=True)
-            moduli = np.array([[m.young, m.poisson] for m in scene.materials])[
-                scene.cell_material[layer.tets]]
+            moduli = scene.moduli[scene.cell_material[layer.tets]]
             points, motions = scene.mesh.nodes[self.copies.node[used]], layer.moved[
                 :, used].reshape(count, -1)
             weight = Matter(points, corners.reshape(len(layer.tets), -1), *moduli.T).forces(motions)

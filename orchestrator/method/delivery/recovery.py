@@ -241,12 +241,11 @@ def interior(d: Decomposition, iterated: Iterated, parts: Parts) -> Interior:
     scene, steps, own = d.scene, d.scene.steps, d.own
     energy, unbalanced, repeated = np.zeros((3, steps, len(scene.subdomains)))
     forces, rigid = d.space.loads(iterated.fields.f), repositioned(d, iterated.bound)
-    moduli = np.array([[m.young, m.poisson] for m in scene.materials])
     judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
     for e in judged:
         s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
         matter, u = Matter(scene.mesh.nodes[s.nodes], s.connectivity,
-                           *moduli[s.material].T), parts[s.index].reshape(steps, -1)
+                           *scene.moduli[s.material].T), parts[s.index].reshape(steps, -1)
         root, resisting, load = np.sqrt(np.repeat(matter.stiff, 3)), matter.forces(
             u), s.loads.reshape(steps, -1).copy()
         load[:, trace] += forces[:, part]

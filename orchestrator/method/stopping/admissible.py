@@ -38,6 +38,9 @@ UNBALANCED = 1e-7
 BALANCED = 1e-6  # of the resultants, what may be left after it
 # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
 UNEVEN = 100.0
+# Of the forces κ (mean − w), what brings fields nearest to u. Bound over error with none, a quarter,
+# half: 64 cubes 1.7, 1.5, 1.6; moduli 1:1000 at random 3.3, 2.8, 2.9; 128 slices 4.0, 3.0, 3.0.
+TOGETHER = 0.25
 TINY = np.finfo(float).tiny
 
 
@@ -255,7 +258,7 @@ class NodeRepositioning(Repositioning):
 
 class NodeBalancing(Balancing):
     """Balanced forces where a scene is solved by nodes: each copy of a node takes its share κ/Σκ of
-    the imbalance Σf.
+    the imbalance Σf, and some of what would bring the copies together.
 
     Parameters as of the base class.
     """
@@ -267,4 +270,5 @@ class NodeBalancing(Balancing):
 
     def _changed(self, f: np.ndarray, w: np.ndarray) -> np.ndarray:
         space = self.space
-        return -self.share * space.class_sums(f[:, : space.size]).take(space.label, axis=1)
+        imbalance = space.class_sums(f[:, : space.size]).take(space.label, axis=1)
+        return TOGETHER * self.reposition._closing(w) - self.share * imbalance

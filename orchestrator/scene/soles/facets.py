@@ -90,8 +90,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     over 200 and 118; six-node faces, 1:5 27 and 14, 1:1000 91 and 13.
     """
     cells, triangles = interface.cells_on(side), interface.triangles_on(side)
-    young = np.array([m.young for m in scene.materials])[scene.cell_material[cells]]
-    poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[cells]]
+    young, poisson = np.moveaxis(scene.moduli[scene.cell_material[cells]], 2, 0)
     points = scene.side_points(interface, side)
     quadratic = triangles.shape[1] == 6
     h = size_at(scene, interface, side)

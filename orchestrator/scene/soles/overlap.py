@@ -56,7 +56,6 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
     """
     inner = scene.side_points(interface, 0)
     count = len(inner)
-    matter = np.array([[m.young, m.poisson] for m in scene.materials])
     points, cells, sides, copied, lines = [], [], [], [], []
     for side, e in enumerate(interface.subdomains):
         subdomain, row = scene.subdomains[e], first_row(scene, interface, side)
@@ -72,7 +71,7 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
         whole = number[subdomain.connectivity[row]]
         lines.append(np.concatenate([whole[:, [*ends, 4 + i]] for i, ends in enumerate(TET_EDGES)])
                      if whole.shape[1] == 10 else whole[:0, :3])
-        copied.append(matter[subdomain.material[row]])
+        copied.append(scene.moduli[subdomain.material[row]])
     young, poisson = np.vstack(copied).T
     points, cells = np.vstack(points), np.vstack(cells)
     sides = np.concatenate(sides)
@@ -140,7 +139,7 @@ def difficulty(scene: Scene) -> Difficulty:
     """Judge every interface and every subdomain."""
     if scene.overview is not None:
         return scene.overview.difficulty
-    young, poisson = np.array([[m.young, m.poisson] for m in scene.materials]).T
+    young, poisson = scene.moduli.T
     mixed = np.zeros(len(scene.interfaces), dtype=bool)
     if young.max() > CONTRAST * young.min():
         for i in scene.interfaces:

@@ -1,15 +1,19 @@
 """Soles of whole subdomains: every outside element that touches one, once, clamped behind.
 
 Where all sides are bonded and share their nodes, a subdomain is surrounded by the elements of its
-neighbours, those that it meets in an edge or in a single node included. A copy of this ring, at
-half its modulus, is the subdomain's sole: plain matter of the scene, so that what is factorised is
-an ordinary mesh. A sole that follows the facets leaves out the stiff elements of diagonal
+neighbours, those that it meets in an edge or in a single node included. A copy of this ring, at a
+share of its modulus, is the subdomain's sole: plain matter of the scene, so that what is factorised
+is an ordinary mesh. A sole that follows the facets leaves out the stiff elements of diagonal
 neighbours, which moduli that vary at random punish.
+
+How stiff a ring should be depends on how far apart the ends are between which it stands: the
+stiffest motions that are left to the iterations feel the element's size h, the softest the
+subdomain's, H. The best of one parameter falls as √(h/H) (Gander, SIAM J. Numer. Anal. 44, 2006),
+with n nodes in a subdomain as n^(−1/6).
 
 A nearly incompressible ring, clamped behind, resists by its bulk modulus what the outside, free to
 flow, resists by its shear modulus. Between two such ends the geometric mean is the best search
-direction, λ' = √(λ μ), of a modulus that falls as √(h/H): the stiffest motions feel the ring's
-thickness h, the softest the subdomain's size H. With n nodes in a subdomain that is n^(−1/6).
+direction: λ' = √(λ μ), of most of the modulus.
 """
 
 from __future__ import annotations
@@ -24,10 +28,14 @@ from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import Sole
 
 INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly incompressible
-# Nodes of a subdomain whose ring has as much of such a modulus as of others. Iterations of 64 cubes
-# of 4³, 6³, 10³ bricks, ν = .49, with twice as much whatever the size: 28, 32, 40; so 28, 30, 35;
-# ν = .499, ten-node tets, 5³ bricks, 68 and 57.
-LARGE = 8000
+# Nodes of a subdomain whose ring has ``modulus_ratio`` of the modulus. Iterations with ½ of it
+# whatever the size, and so: 64 cubes of 10³ bricks, easy 20, 18, moduli 1:1000 23, 21; METIS parts
+# 30, 27; a plate 31, 28; 32 slices 10, 10; 8 slices 9, 10.
+SMALL = 250
+# The modulus of nearly incompressible rings, over that of others. Iterations of 64 cubes of 4³ and
+# 10³ bricks, ν = .49, and of ten-node tets, ν = .499, with 1.3, 1.8, 2.7: 37, 28, 28; 34, 35, 40;
+# 60, 57, 68.
+STIFFER = 1.8
 
 
 @dataclass
@@ -45,8 +53,7 @@ def make_rings(scene: Scene, subdomains: Sequence[int], ratio: float) -> list[Ri
 
     ratio : ``method.sole.modulus_ratio``
     """
-    young, poisson = np.array([[m.young, m.poisson]
-                               for m in scene.materials])[scene.cell_material].T
+    young, poisson = scene.moduli[scene.cell_material].T
     yields = poisson >= INCOMPRESSIBLE
     poisson = np.where(yields, between(poisson), poisson)
     corners, shared, rings = scene.mesh.cells[:, :4], scene.shared, []
@@ -57,8 +64,8 @@ def make_rings(scene: Scene, subdomains: Sequence[int], ratio: float) -> list[Ri
         around, inner = (np.sort(x[:, [e]].indices) for x in (touching, of))
         cells = around[scene.cell_subdomain[around] != e]
         nodes = scene.subdomains[e].nodes
-        stiffer = ratio * (LARGE / len(nodes)) ** (yields[cells] / 6)
-        rings.append(Ring(*clamped(scene, cells, inner), stiffer * young[cells], poisson[cells],
+        stiff = ratio * np.where(yields[cells], STIFFER, 1.0) * (SMALL / len(nodes)) ** (1 / 6)
+        rings.append(Ring(*clamped(scene, cells, inner), stiff * young[cells], poisson[cells],
                           np.searchsorted(nodes, inner)))
     return rings
 
