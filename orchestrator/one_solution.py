@@ -30,8 +30,8 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import check_codes
 from orchestrator.results.ranks import OnRanks, interfaces_of_all
-from orchestrator.results.solution import Solution, fields_of, unsound
-from orchestrator.results.summary.content import summarise
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.solution import Solution, unsound
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Savings, Stopwatch
@@ -85,16 +85,16 @@ class Solving:
         delivered = delivered.without(self.forces, lost)
         with watch("output"):
             delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
-            fields = fields_of(self.whole, delivered, lost)
+            fields = Fields.of(self.whole, delivered.displacement, delivered.sides,
+                               delivered.interfaces, lost)
         if wanted or self.config.output.fields:
             with watch("bound"):
                 found = self.estimate.estimator(delivered.continuous)
             delivered, fields = replace(delivered,
                                         discretisation=found), fields.with_error(found.cells)
-        summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent,
-                            watch)
         with watch("output"):
-            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact)
+            return Solution.of(self.config, self.whole, delivered, fields, setup_sweeps, self.exact,
+                               spent, watch)
 
     def _undecomposed(self) -> Reference:
         check_reference(self.whole)

@@ -44,11 +44,9 @@ class Nodal:
             kind = kind + np.int64(kind.max() + 1) * fields.part
         kinds = np.unique(kind, return_inverse=True)[1].ravel() if kind.any() else kind
         split = split_numbering(joined, kinds, int(joined.max()) + 1)
-        self.corner, self.node = split.corners, split.nodes
-        if fields.joined is not None:
-            self.node = np.empty(len(split.nodes), dtype=int)
-            self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
-        self.part = np.zeros(len(self.node), dtype=int)
+        self.corner = split.corners
+        self.node, self.part = np.zeros((2, len(split.nodes)), dtype=int)
+        self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
         self._latest = -1, np.empty((0, 6))  # load step and its stress
@@ -73,19 +71,14 @@ class Nodal:
         """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
         if self._latest[0] == step:
             return self._latest[1]
-        fields, volumes = self.fields, self.fields.volumes
-        linear = fields.cells.shape[1] == 4
-        sigma = fields.stress(step) if linear else fields.corner_stress(step)
-        result = np.empty((6, len(self)))
-        for c in range(6):
-            each = np.repeat(volumes * sigma[:, c],
-                             4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
-            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
+        fields, sigma, where = self.fields, self.fields.corner_stress(step), self.corner.ravel()
+        result = np.stack([np.bincount(where, (fields.volumes[:, None] * sigma[:, :, c]).ravel(),
+                                       len(self)) for c in range(6)])
         if fields.believed is not None:
             result[:, self.corner[~fields.believed]] = np.nan
         result /= self._around
         self._latest = step, result.T
-        return self._latest[1]
+        return result.T
 
     def von_mises(self, step: int) -> np.ndarray:
         """(K + e,) von Mises stress at the places of ``split``."""

@@ -81,8 +81,8 @@ class Manifest:
     def clean(self) -> None:
         """Forget the files that are not there any more."""
         noted, claims = self._read()
-        lines = [{"file": name, **entry} for name in noted if os.path.lexists(self._folder / name)
-                 for entry in noted[name]]
+        lines = [line for name, own in noted.items() if os.path.lexists(self._folder / name)
+                 for line in own]
         lines += [{"claimed": claim} for claim in claims]
         with suppress(FileNotFoundError):
             self._path.unlink()
@@ -113,20 +113,18 @@ class Manifest:
         if any(re.fullmatch(claim, name) for claim in claims):
             return True
         about = path.stat()
-        alike = [entry for entry in noted.get(name, ()) if entry["size"] == about.st_size]
-        return any(entry["time"] == about.st_mtime_ns for entry in alike) or (
-            any(entry["hash"] for entry in alike)
-            and _hash(path) in {entry["hash"] for entry in alike})
+        alike = [line for line in noted.get(name, ()) if line.get("size") == about.st_size]
+        hashes = {line.get("hash") for line in alike} - {None}
+        return any(line.get("time") == about.st_mtime_ns for line in alike) or bool(
+            hashes) and _hash(path) in hashes
 
     def _read(self) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
-        """Entries by name, and patterns that are claimed."""
+        """Lines of files by their names, and patterns that are claimed."""
         noted: dict[str, list[dict[str, Any]]] = {}
         claims: list[str] = []
         for line in self._lines():
             if "file" in line:
-                noted.setdefault(line["file"],
-                                 []).append({key: line.get(key)
-                                             for key in ("size", "time", "hash")})
+                noted.setdefault(line["file"], []).append(line)
             elif "claimed" in line:
                 claims.append(line["claimed"])
             elif line.get("settled") in claims:

@@ -16,7 +16,6 @@ from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import (
     NAME as CHECKPOINT, PROBLEM, VERSION, begun, load_checkpoint, saved)
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
@@ -60,10 +59,8 @@ class Record(Subscriber):
             folder.clear()
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
-        self.scene, self.watch, self._config, self._folder, self._key = (
-            scene, watch, config, folder, key)
-        self._last: Iteration | None = None
-        self._artist = artist
+        self.scene, self.watch, self._config, self._folder = scene, watch, config, folder
+        self._last, self._artist = None, artist
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is
@@ -80,19 +77,22 @@ class Record(Subscriber):
 
         solution : in its summary, the time that all this takes is noted
         """
-        summary = solution.summary
+        summary, folder = solution.summary, self._folder
+        warnings = summary["warnings"] = list(summary.get("warnings") or ())
         try:
             self._history.complete()
             with self.watch("output"):
                 if self._config.output.figures:
-                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
-                self._draw(summary, solution.fields)
-                solution.write_results(self._folder)
+                    warnings += no_figures()
+                if self._artist:
+                    note_time(summary, self.watch)
+                    self._artist.begin(write_figures, folder, summary, read_history(folder.path),
+                                       solution.fields)
+                solution.write_results(folder)
             self._summarise(summary)
         except BaseException as error:
-            self._left_off(
-                f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume "
-                "writes them")
+            self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; "
+                           "--resume writes them")
             raise
         if solution.converged:
             self._checkpoint.remove()
@@ -101,18 +101,10 @@ class Record(Subscriber):
                 try:
                     self._artist.finish()
                 except CannotDraw as error:  # charts can be drawn here
-                    write_figures(self._folder, summary, read_history(self._folder.path))
-                    summary["warnings"] = [*(summary.get("warnings") or ()),
-                                           f"no pictures of the structure: {error}; "
-                                           f"orchestrator report {self._folder.path} draws them"]
+                    write_figures(folder, summary, read_history(folder.path))
+                    warnings.append(f"no pictures of the structure: {error}; orchestrator report "
+                                    f"{folder.path} draws them")
             self._summarise(summary)
-
-    def _draw(self, summary: dict[str, object], fields: Fields | None) -> None:
-        """Have figures drawn, where they are wanted, as ``write_figures`` does."""
-        if self._artist:
-            note_time(summary, self.watch)
-            self._artist.begin(write_figures, self._folder, summary,
-                               read_history(self._folder.path), fields)
 
     def _summarise(self, summary: dict[str, object]) -> None:
         note_time(summary, self.watch)
@@ -126,26 +118,26 @@ class Record(Subscriber):
         self._last = event.without_state()
 
     def failed(self, error: BaseException) -> None:
-        self._left_off("interrupted" if isinstance(error, KeyboardInterrupt)
-                       else f"failed: {_first_line(error)}")
+        told = _first_line(error)
+        self._left_off(told if isinstance(error, KeyboardInterrupt) else f"failed: {told}")
 
     def _left_off(self, reason: str) -> None:
         """Write the summary of a run that dies: where it stood, and why it went no further."""
         last = self._last
         content = {"name": self._config.name, "converged": False, "stop_reason": reason,
                    "iterations": last.iteration if last else 0,
-                   "indicator": last.indicator if last else None,
-                   "error_bound": last.error_bound if last else None, **problem_size(self.scene),
-            "timing": {"total": self.watch.total, **self.watch.seconds}, "versions": versions(),
+                   "indicator": last and last.indicator, "error_bound": last and last.error_bound,
+                   **problem_size(self.scene), "versions": versions(),
+                   "timing": {"total": self.watch.total, **self.watch.seconds},
                    "config": self._config.complete()}
         with suppress(InputError):  # a full disk; the error itself is told
             write_summary(self._folder, content)
 
 
 def _first_line(error: BaseException) -> str:
-    return "interrupted" if isinstance(error,
-                                       KeyboardInterrupt) else (
-                                           str(error).splitlines() or [type(error).__name__])[0]
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 @contextmanager

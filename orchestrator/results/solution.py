@@ -30,6 +30,7 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
 from orchestrator.results.probes import at_points, read_paths, read_probes
+from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.summary import known, read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.conditions.finder import Finder
@@ -37,6 +38,7 @@ from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene
 from orchestrator.scene.names import matching
+from orchestrator.timing import Stopwatch
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,12 @@ class Solution:
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields,
-           summary: dict[str, object], reference: Reference | None) -> Solution:
-        """Solution of a run that has just been finished; its answers are entered in the summary,
-        nothing is written.
+           setup_sweeps: float, reference: Reference | None, ranks: Sequence[Spent],
+           watch: Stopwatch) -> Solution:
+        """Solution of a run that has just been finished; nothing is written. Parameters are those
+        of ``summarise``.
         """
+        summary = summarise(config, scene, delivered, setup_sweeps, reference, ranks, watch)
         nodal, detached, lost = fields.nodal, summary.get("detached") or (), None
         if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
             bodies = [s.body for s in scene.subdomains]
@@ -271,11 +275,3 @@ def unsound(scene: Scene, ranks: Sequence[Spent]) -> list[int]:
     own = [number for number, code in codes_of_all([rank.codes for rank in ranks]).items()
            if code["own_matter"]]
     return [s.index for s in scene.subdomains if s.foreign or s.code in own]
-
-
-def fields_of(scene: Scene, delivered: Delivered, lost: Sequence[int]) -> Fields:
-    """The fields of a run, without an estimate of their error; ``lost`` : as ``unsound`` has
-    them.
-    """
-    return Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
-                     believed=~np.isin(scene.cell_subdomain, lost) if lost else None)

@@ -6,6 +6,7 @@ the cell's mean; the largest von Mises stress at the cell's nodes is beside it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from functools import cached_property
@@ -63,16 +64,19 @@ class Fields:
 
     @classmethod
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None,
-           *others: object,
-           believed: np.ndarray | None = None) -> Fields:
-        """Fields of a solved scene: ``displacement`` and the parameters after it as for the
-        class.
+           interfaces: InterfaceFields | None = None, lost: Sequence[int] = ()) -> Fields:
+        """Fields of a solved scene, without an estimate of their error.
+
+        lost : numbers of subdomains whose stresses are not to be believed
         """
-        joined = None if sides is None else Copies.of(scene).label
-        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, shown_moduli(scene),
-                   displacement, sides, *others,
-                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined,
-                   believed=believed, thermal=scene.thermal)
+        of_others, moduli = scene.stand_ins[scene.cell_subdomain], scene.lame
+        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain,
+                   np.where(of_others[:, None], 0.0, moduli) if of_others.any() else moduli,
+                   displacement, sides, interfaces,
+                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes),
+                   joined=None if sides is None else Copies.of(scene).label,
+                   believed=~np.isin(scene.cell_subdomain, lost) if lost else None,
+                   thermal=scene.thermal)
 
     @property
     def steps(self) -> int:
@@ -103,9 +107,8 @@ class Fields:
         """The same with an estimate of the discretisation error (steps, m), and with all that has
         been found of them.
         """
-        result = replace(self, discretisation_error=cells)
-        found = ("numbering", "material", "volumes", "_geometry", "nodal")
-        vars(result).update({name: vars(self)[name] for name in found if name in vars(self)})
+        result = replace(self)
+        vars(result).update(vars(self), discretisation_error=cells)
         return result
 
     def __getstate__(self) -> dict[str, object]:
@@ -115,9 +118,9 @@ class Fields:
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
         i = self.interfaces
-        return self.opened.displacement[:,
-                                        self.numbering.find(i.subdomains[i.interface_of_node, side],
-                                                            (i.nodes, i.others)[side])]
+        own = self.numbering.find(i.subdomains[i.interface_of_node, side],
+                                  (i.nodes, i.others)[side])
+        return self.opened.displacement[:, own]
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
@@ -136,43 +139,25 @@ class Fields:
         pairs = np.ascontiguousarray(self.lame).view(np.complex128).ravel()
         return np.unique(pairs, return_inverse=True)[1].ravel()
 
-    def stress(self, step: int) -> np.ndarray:
-        """(m, 6) mean stress of the cells at one load step."""
-        epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
-        return recovery.stress(self._elastic(epsilon, step, recovery.CENTRE), self.lame)
-
-    def _elastic(self, epsilon: np.ndarray, step: int, at: np.ndarray) -> np.ndarray:
-        """Strains (m, 6) at barycentric coordinates (4,) without what matter expands by itself."""
-        if self.thermal is not None:
+    def stress(self, step: int, at: np.ndarray = recovery.CENTRE) -> np.ndarray:
+        """(m, 6) stress of the cells at one load step, at barycentric coordinates (4,); in the
+        centre it is the mean.
+        """
+        epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step], at)
+        if self.thermal is not None:  # what matter expands by itself
             epsilon[:, :3] -= (self.thermal[step] @ at)[:, None]
-        return epsilon
-
-    def von_mises(self, step: int) -> np.ndarray:
-        """(m,) von Mises stress of the mean stress at one load step."""
-        return recovery.von_mises(self.stress(step))
+        return recovery.stress(epsilon, self.lame)
 
     def corner_stress(self, step: int) -> np.ndarray:
         """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a
-        ten-node tet is there.
+        ten-node tet is there. In a four-node one it is the mean.
         """
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
-        strains = (
-            self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step],
-                                          at), step, at) for at in np.eye(4))
-        return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
+        return np.stack([self.stress(step, at) for at in np.eye(4)], axis=1)
 
     def nodal_von_mises(self, step: int) -> np.ndarray:
-        """(m, 4 or 10) von Mises stress at the cells' nodes, each cell by itself."""
-        if self.cells.shape[1] == 4:
-            return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
+        """(m, 10) von Mises stress at the nodes of ten-node tets, each cell by itself."""
         corners = self.corner_stress(step)
-        return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)],
-                                                 axis=1))
-
-
-def shown_moduli(scene: Scene) -> np.ndarray:
-    """(m, 2) Lamé's λ and μ per cell, as in ``Fields``."""
-    if not scene.stand_ins.any():
-        return scene.lame
-    return np.where(scene.stand_ins[scene.cell_subdomain][:, None], 0.0, scene.lame)
+        middles = corners[:, TET_EDGES].mean(axis=2)
+        return recovery.von_mises(np.concatenate([corners, middles], axis=1))

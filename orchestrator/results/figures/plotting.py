@@ -84,47 +84,38 @@ def exaggeration(fields: Fields, kept: np.ndarray, steps: Sequence[int]) -> floa
     if largest == 0:
         return 1.0
     whole = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    limits = [LARGEST * whole / largest]
     size, stretched = _bodies(fields, kept, steps)
-    limits += (DISTORTED * size[stretched > 0] / stretched[stretched > 0]).tolist()
+    most, moved = [np.array([LARGEST * whole]), DISTORTED * size], [np.array([largest]), stretched]
     if (i := fields.interfaces) is not None:
-        jump = np.abs(i.gap - i.initial_gap)[list(steps)]
-        open_ = np.isin(i.status[list(steps)], i.kinds[i.kind_names == COUNTED[0]])
-        given = np.array([law in LAWS and LAWS[law].as_one for law in i.laws])[i.interface_of_node]
-        room = np.where(
-            open_ | given,
-            DISTORTED * size[i.subdomains].min(axis=1)[i.interface_of_node],
-            TOUCHING * whole,
-        )
-        limits += (room[(jump > 0) & (room > 0)] / jump[(jump > 0) & (room > 0)]).tolist()
-    return float(f"{min(limits):.1e}")
+        parted = np.isin(i.status[steps], i.kinds[i.kind_names == COUNTED[0]]) | np.array(
+            [law in LAWS and LAWS[law].as_one for law in i.laws])[i.interface_of_node]
+        smaller = size[i.subdomains].min(axis=1)[i.interface_of_node]
+        most.append(np.where(parted, DISTORTED * smaller, TOUCHING * whole).ravel())
+        moved.append(np.abs(i.gap - i.initial_gap)[steps].ravel())
+    most, moved = np.concatenate(most), np.concatenate(moved)
+    known = (most > 0) & (moved > 0)
+    return float(f"{(most[known] / moved[known]).min():.1e}")
 
 
 def largest_displacement(fields: Fields, kept: np.ndarray, steps: Sequence[int]) -> float:
     """Return the largest displacement of cells (k,) int at some load steps."""
-    ours = np.unique(fields.opened.cells[kept])
-    return max(
-        float(np.linalg.norm(fields.opened.displacement[step][ours], axis=1).max())
-        for step in steps
-    )
+    u = fields.opened.displacement[steps][:, np.unique(fields.opened.cells[kept])]
+    return float(np.linalg.norm(u, axis=2).max())
 
 
-def _bodies(
-    fields: Fields, kept: np.ndarray, steps: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray]:
+def _bodies(fields: Fields, kept: np.ndarray,
+            steps: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Return (E,) size of each subdomain's box, and of its displacements'; 0 without ``kept``
     cells.
     """
-    drawn, cells = fields.opened, fields.opened.cells[kept]
-    order = np.argsort(fields.subdomain[kept], kind="stable")
-    number, first = np.unique(fields.subdomain[kept][order], return_index=True)
+    split, own = fields.numbering, np.zeros(int(fields.subdomain.max()) + 1)
+    own[fields.subdomain[kept]] = 1.0
+    u = np.concatenate(fields.sides, axis=1) if fields.sides else fields.displacement[
+        :, split.nodes]
 
     def extent(values: np.ndarray) -> np.ndarray:
-        of_cells, found = values[cells[order]], np.zeros(int(fields.subdomain.max()) + 1)
-        box = np.maximum.reduceat(of_cells.max(axis=1), first) - np.minimum.reduceat(
-            of_cells.min(axis=1), first
-        )
-        found[number] = np.linalg.norm(box, axis=1)
-        return found
+        low, high = (find.reduceat(values, split.offsets[:-1])
+                     for find in (np.minimum, np.maximum))
+        return own * np.linalg.norm(high - low, axis=1)
 
-    return extent(drawn.nodes), np.max([extent(drawn.displacement[step]) for step in steps], axis=0)
+    return extent(fields.nodes[split.nodes]), np.max([extent(u[step]) for step in steps], axis=0)
