@@ -21,7 +21,8 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, epilog=(
     "A first run: orchestrator init my.yaml, orchestrator check my.yaml, orchestrator run "
     "my.yaml. Of a command's options: COMMAND --help."))
 # what commands are listed under
-BEGIN, SOLVE, RESULTS, REST = "To begin", "To solve", "Results", "Installation, codes of your own, studies"
+BEGIN, SOLVE = "To begin", "To solve"
+RESULTS, REST = "Results", "Installation, codes of your own, studies"
 
 
 def _version(asked: bool) -> None:
@@ -35,7 +36,7 @@ def _version(asked: bool) -> None:
 @app.callback()
 def every_command(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
-                                                        help="print the version and end")] = False) -> None:
+                                          help="print the version and end")] = False) -> None:
     """Multiscale domain decomposition around an untouched finite element code."""
 
 
@@ -73,7 +74,8 @@ ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML fil
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE",
     help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
-RunPrograms = flag("--run-programs", "run the programs, interpreters and forms that CONFIG names, as run does")
+RunPrograms = flag("--run-programs",
+                   "run the programs, interpreters and forms that CONFIG names, as run does")
 
 
 @command(BEGIN)
@@ -279,7 +281,8 @@ def _find_benchmarks() -> None:
     clone = Path(__file__).resolve().parents[1]
     if not (clone / "benchmarks" / "registry.py").is_file():
         raise wrong((), "a study in an installation without the folder benchmarks",
-                    "a clone of the project: studies are in its repository, wheels do not have them",
+                    "a clone of the project: studies are in its repository, wheels do not have "
+                    "them",
                     "run it in a clone, after `make setup`")
     sys.path.insert(0, str(clone))
 

@@ -89,7 +89,9 @@ def duration(seconds: float) -> str:
 
 
 def pace_of(values: Sequence[float]) -> float:
-    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not known."""
+    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not
+    known.
+    """
     y = [math.log(value) for value in values[-LATEST:] if value > 0]
     if len(y) < 3:
         return math.nan

@@ -12,8 +12,8 @@ Side 2 is the ground, which rests, so that the body moves by u = −d, d = (F �
 prescribed, q_j = g_j, or loaded, Q_j = (Rᵀ f̂)_j = g_j; what is left are at most six equations for
 a surface, which the local stage solves:
 
-    rigid         f̂ = F + keq R q,           Q = Rᵀ F + (Rᵀ keq R) q
-    distributed   f̂ = A R G⁻¹ Q,             q = S Q − G⁻¹ Rᵀ A F/keq,  S = G⁻¹ (Rᵀ A keq⁻¹ A R) G⁻¹
+    rigid         f̂ = F + keq R q,    Q = Rᵀ F + (Rᵀ keq R) q
+    distributed   f̂ = A R G⁻¹ Q,      q = S Q − G⁻¹ Rᵀ A F/keq,  S = G⁻¹ (Rᵀ A keq⁻¹ A R) G⁻¹
 """
 
 from __future__ import annotations

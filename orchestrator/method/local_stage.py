@@ -19,7 +19,8 @@ Where some interfaces are not perfect their laws answer pointwise, swept through
 laws' history lives here alone: the linear stage stays parallel over the load steps. At points with
 the jump d, from the predicted force F to the traces as ``point_traces`` has it:
 
-    f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d₀), see ``stabilisation``
+    f̂ = law(F),   d = (F − f̂)/keq
+    stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d₀), see ``stabilisation``
 """
 
 from __future__ import annotations

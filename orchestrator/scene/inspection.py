@@ -187,7 +187,9 @@ def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
              f"then is {stiff / METRES[unit]**2 / 1e9:.3g} GPa")
     if unit in fits:
         return text
-    return text + f": {size * METRES[unit]:g} m is implausible; scale: under mesh: takes a factor, or change the moduli"
+    return (
+        text + f": {size * METRES[unit]:g} m is implausible; scale: under mesh: takes a factor, or "
+               "change the moduli")
 
 
 def volume_table(mesh: Mesh, matter: Mapping[str, str] | None = None) -> list[str]:

@@ -103,7 +103,8 @@ class LoadStep:
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray,
                  before: History,
                  anchor: np.ndarray | None = None):
-        self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
+        self.bodies, self.number = bodies, number
+        self.F0, self.resultant, self.before = F0, resultant, before
         self.resisted = np.zeros_like(resultant)
         if bodies.springs is not None:
             resisted = bodies.fields.pairs.resisted(F0, before.jump if anchor is None else anchor)

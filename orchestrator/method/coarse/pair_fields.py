@@ -75,7 +75,7 @@ class PairFields:
             A.append(
                 (size[:kept, None] * mixed[:kept]).reshape(-1, 3,
                                                            width).swapaxes(0, 1).reshape(-1, width))
-        shapes = np.array([len(each) // 3 for each in A[1:]], dtype=int)
+        shapes = np.array([len(each) // 3 for each in A[1:]], int)
         places = np.cumsum([len(each) for each in phi])[:-1] - shapes * bounds[:-1]
         return cls(pairs, np.concatenate(phi), places, np.concatenate(A),
                    3 * (np.cumsum(shapes) - shapes), shapes,
@@ -114,7 +114,9 @@ class PairFields:
     @property
     def _of(self) -> tuple[np.ndarray, ...]:
         """Fields and pairs as loops take them."""
-        return self.all_L, self.phi, self.places, self.A, self.rows, self.shapes, self.chosen, self.pairs.bounds
+        return (
+            self.all_L, self.phi, self.places, self.A, self.rows, self.shapes, self.chosen,
+            self.pairs.bounds)
 
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""

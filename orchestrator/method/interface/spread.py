@@ -31,7 +31,8 @@ class SpreadFactor:
     Of A = Σ Aʳ every rank has Aʳ in the unknowns that it sees: I, which no other sees, and S, which
     it shares. With Aʳ = [[A_II, A_IS], [A_SI, A_SS]], A_II complete,
 
-        Σ = Σ_r (A_SS − A_SI A_II⁻¹ A_IS),     Σ x_S = Σ_r (b_S − A_SI A_II⁻¹ b_I),     x_I = A_II⁻¹ (b_I − A_IS x_S)
+        Σ = Σ_r (A_SS − A_SI A_II⁻¹ A_IS),     Σ x_S = Σ_r (b_S − A_SI A_II⁻¹ b_I),
+        x_I = A_II⁻¹ (b_I − A_IS x_S)
 
     Σ, of the unknowns on the borders between ranks, is a sum of a dense block of each rank: spread
     over the ranks by MUMPS where there is PETSc (``SpreadBlocks``), dense and on every rank where

@@ -79,7 +79,8 @@ class UnitAnswers:
                 raise runs.wrong(
                     "a force moves its joint backwards: the least eigenvalue of its compliance is "
                     f"{values[0] / values[-1]:.1e} of the largest",
-                    "a stiffness with the springs of springs.txt on its diagonal, which is positive",
+                    "a stiffness with the springs of springs.txt on its diagonal, which is "
+                    "positive",
                                  "look for signs, for springs that are not added, and for joint "
                                  "nodes that are held inside: leave these out of the joint")
             answers = cls(k, compliance, (vectors / values) @ vectors.T, asymmetry)

@@ -161,8 +161,8 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     """
     sample = _sample(K, rounding) if rounding else None
     if len(joint) == K.shape[0]:  # by whoever has made it
-        return K[joint][:, joint].toarray(), loads[:,
-                                                   joint].copy(), None if sample is None else sample[joint][:, joint].toarray()
+        own = None if sample is None else sample[joint][:, joint].toarray()
+        return K[joint][:, joint].toarray(), loads[:, joint].copy(), own
     try:
         eliminated = JointElimination(K, joint, loose)
     except ZeroDivisionError as error:

@@ -259,7 +259,9 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
                 "put what stands between *STATIC and *END STEP in a file of its own, loads:, and "
                 "leave the rest out")
         elif card.replace(" ", "").startswith(OF_FILES):
-            said = f"*{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads", "leave the card out"
+            said = (
+                f"*{card[:20]}, which writes or reads files of its own",
+                "cards of matter, supports and loads", "leave the card out")
         elif "NLGEOM" in options:
             said = (
                 f"NLGEOM on *{card}: large displacements, to which joint forces are not "
@@ -283,7 +285,9 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
                     "amplitudes of the time within a load step",
                     "leave TIME=TOTAL TIME out, and write a file of loads for each load step")
         elif loads and card == "MODEL CHANGE":
-            said = "*MODEL CHANGE makes the deck's stiffness another", "loads alone", "leave the elements out of the deck, or in it"
+            said = (
+                "*MODEL CHANGE makes the deck's stiffness another", "loads alone",
+                "leave the elements out of the deck, or in it")
         else:
             continue
         raise wrong(path, f"{where}: {said[0]}", *said[1:])

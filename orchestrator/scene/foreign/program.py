@@ -1,6 +1,7 @@
 """A user's program as a part: it starts in an empty folder with two text files, and leaves two.
 
-    springs.txt        n                  then per joint node    id kx ky kz             add to the diagonal of the stiffness
+    springs.txt        n                  then per joint node    id kx ky kz, which add to the
+                                                                 diagonal of the stiffness
     forces.txt         n cases            then per case          own, and n rows  id fx fy fz
     displacements.txt  per case n rows    id ux uy uz
     joint.txt          per joint node     id x y z [joint]       also with n = 0, the first call
@@ -29,7 +30,8 @@ from orchestrator.processes import waited_for
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.matrix import between, checked_nodes
 
-SPRINGS, FORCES, DISPLACEMENTS, JOINT = "springs.txt", "forces.txt", "displacements.txt", "joint.txt"
+SPRINGS, FORCES = "springs.txt", "forces.txt"
+DISPLACEMENTS, JOINT = "displacements.txt", "joint.txt"
 TAIL = 2000  # bytes of what it printed last
 LINES = 400_000  # of forces in one call: more cases are more calls
 
@@ -164,7 +166,8 @@ class ProgramRuns:
             if code:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - TAIL))
                 said = log.read().decode(errors="replace").strip().splitlines()[-5:]
-                how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+                how = (
+                    f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}")
                 raise self.wrong(f"{Path(self.part.run).name} {how}"
                                  + (": " + " | ".join(said) if said else ", saying nothing"),
                                  "exit code 0",

@@ -149,7 +149,8 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
         raise wrong(path,
                     f"supports inside '{name}' that leave some of its rigid motions, along no "
                     "axis of the mesh",
-                    "supports that hold all of the part, some of its components x, y, z, or nothing",
+                    "supports that hold all of the part, some of its components x, y, z, or "
+                    "nothing",
                     "write held: true if they hold all of it (nodes of *RIGID BODY count as points "
                     "here); else turn the model so that what is free is along an axis, or hold the "
                     "part outside, under boundary")
@@ -243,8 +244,8 @@ def _beside(points: np.ndarray, others: np.ndarray) -> str:
     """Words for the extent of the other parts, and for units that may be mixed up."""
     if not len(others):
         return ""
-    text = f", all other parts from {format_point(others.min(axis=0))} to {format_point(others.max(axis=0))}"
     low, high = others.min(axis=0), others.max(axis=0)
+    text = f", all other parts from {format_point(low)} to {format_point(high)}"
     room = ROOM * np.linalg.norm(high - low)
 
     def fits(factor: float) -> bool:

@@ -52,7 +52,8 @@ def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath,
                     f"nodes of '{name}' that are up to {off:.3g} off a plane across "
                     f"{outward.tolist()}",
                     "three nodes or more on one plane",
-                    "give the normal of the joint's plane, or facets: a file with the joint's faces")
+                    "give the normal of the joint's plane, or facets: a file with the joint's "
+                    "faces")
     triangles, area, beside = between_nodes(points, normal)
     if not len(triangles):
         raise wrong(path, f"{len(points)} nodes of '{name}', all on one line",

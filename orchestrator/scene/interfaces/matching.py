@@ -18,7 +18,8 @@ import numpy as np
 from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite
+from orchestrator.scene.interfaces.opposite import (
+    COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite)
 from orchestrator.scene.mesh.faces import edge_patches
 
 # How deep, in h, parts may reach into each other to be noticed.

@@ -25,7 +25,8 @@ from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.scene.interfaces.opposite import OPPOSITE, REACH, TOUCHING, BodyFaces, close_bodies, nearest, outer_bodies
+from orchestrator.scene.interfaces.opposite import (
+    OPPOSITE, REACH, TOUCHING, BodyFaces, close_bodies, nearest, outer_bodies)
 from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.parts import paired_faces, Parts
 from orchestrator.scene.interfaces.skins import over
@@ -199,7 +200,9 @@ def _beyond_reach(parts: Parts, laws: Laws, pair: tuple[int, int], seen: Near, i
     """
     one, two = (parts.mesh.volumes[v] for v in pair)
     reach = laws[index].reach
-    within = f"{reach:g}" if reach is not None else f"{laws.tolerance(index):g} of the element size, from surface to surface"
+    within = (
+        f"{reach:g}" if reach is not None
+        else f"{laws.tolerance(index):g} of the element size, from surface to surface")
     problems.add(("interfaces", index),
                  f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} "
                  f"apart, at {format_point(seen.where)}, and are no pair: nothing connects the two",

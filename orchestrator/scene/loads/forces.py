@@ -104,7 +104,8 @@ class Liquid(Kind):
         depth = value.level - where.corners @ np.array(unit(value.up))
         if len(depth) and not (depth > 0).any():
             where.problems.add(where.path,
-                               f"faces that are all above the level, by {-depth.max():.6g} at least",
+                               f"faces that are all above the level, by {-depth.max():.6g} at "
+                               "least",
                                "a level above some of the faces",
                                "raise level, or turn up to look against gravity")
         return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)

@@ -115,7 +115,8 @@ class Coupling(Part):
                                  description="the point, on the surface or not; none: the "
                                  "surface's centre")
     displacement: PartlyFree = Field([None, None, None],
-                                     description="of the point; null where it is loaded, by `force`")
+                                     description="of the point; null where it is loaded, by "
+                                                 "`force`")
     rotation: PartlyFree = Field([None, None, None],
                                  description="degrees about x, y and z, small; null where loaded, "
                                  "by `moment`")

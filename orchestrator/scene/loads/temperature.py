@@ -51,7 +51,9 @@ class Temperature(Kind):
     takes = either(TemperatureField, float,
                    lambda value: isinstance(value, (dict, TemperatureField)),
                    "a number, or {at: [0, 0, 10], gradient: [0, 0, 2.5]}, or {file: warm.csv}")
-    meaning = "temperature above the one without stress, by the materials' expansion: a number, {value, at, gradient} or {file}"
+    meaning = (
+        "temperature above the one without stress, by the materials' expansion: a number, {value, "
+        "at, gradient} or {file}")
     files = ("file",)
 
     @classmethod
@@ -89,8 +91,7 @@ def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path
         return np.outer(times, np.full(len(nodes), float(given)))
     points = mesh.nodes[nodes]
     if given.file is None:
-        return np.outer(times, given.value + (points - np.array(given.at, dtype=float))
-                        @ np.array(given.gradient, dtype=float))
+        return np.outer(times, given.value + (points - given.at) @ given.gradient)
     size = mesh.diagonal
     reach = np.minimum(SAME_PLACE * size, OF_EDGE * _shortest_edges(mesh)[nodes])
     return _of_file(Path(given.file), points, reach, size, times, (*path, "file"), problems)
@@ -99,11 +100,11 @@ def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path
 def _shortest_edges(mesh: Mesh) -> np.ndarray:
     """(n,) length of the shortest edge at each node, infinite where there is none."""
     result = np.full(len(mesh.nodes), np.inf)
-    for one, two in TET_EDGES:
-        a, b = mesh.cells[:, one], mesh.cells[:, two]
-        length = np.linalg.norm(mesh.nodes[a] - mesh.nodes[b], axis=1)
-        np.minimum.at(result, a, length)
-        np.minimum.at(result, b, length)
+    for edge in TET_EDGES:
+        ends = mesh.cells[:, edge].T
+        length = np.linalg.norm(np.diff(mesh.nodes[ends], axis=0)[0], axis=1)
+        for end in ends:
+            np.minimum.at(result, end, length)
     return result
 
 
@@ -113,7 +114,9 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load
     step.
     """
-    expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
+    expected = (
+        f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # "
+        "begins a comment")
     try:
         table = NumberTable(path, key, expected)
         lines, rows = table.lines, table.array()

@@ -132,8 +132,8 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
 
 
 def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return (sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,)
-    says, run after run.
+    """Return (sum of lengths,) int, whole numbers from each start (k,) on, as many as its length
+    (k,) says, run after run.
     """
     return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
 

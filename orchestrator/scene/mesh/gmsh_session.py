@@ -16,7 +16,8 @@ import numpy as np
 
 from orchestrator.errors import Problems, wrong
 from orchestrator.optional import Late, check_there
-from orchestrator.scene.mesh.checks import DENSITY, check_complete, check_content, check_size, coarser
+from orchestrator.scene.mesh.checks import (
+    DENSITY, check_complete, check_content, check_size, coarser)
 from orchestrator.scene.names import matching, suggestion, unique_names
 
 gmsh = Late("gmsh")

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import wrong
-from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces
+from orchestrator.scene.mesh.cad import (
+    Sizing, apply_refinement, check_curvature, face_shape, refined_faces)
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model,
     session)

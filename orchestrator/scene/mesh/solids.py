@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, some, visible
-from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
+from orchestrator.scene.mesh.cad import (
+    Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of)
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points,
     read_model, read_unit,
@@ -133,12 +134,16 @@ def _survey(path: Path, mesh: Any, failed: dict[str, Problem]
     shells = [f"shell_{i}" for i in range(1, len(loose) + 1)]
     kept = leave_out(source, names, exclude, [*names, *shells])
     left = {name for pattern in exclude for name in matching(pattern, [*names, *shells])}
-    open_ = {name: Problem(("mesh", "step"), f"{source}: {name}, {len(faces)} faces, the first at "
-                           f"({', '.join(f'{x:.4g}' for x in gmsh.model.occ.getCenterOfMass(2, faces[0]))}), close no solid",
-                           "closed solids",
-                           "repair the body in CAD and export it again, or leave it out: "
-                           f"exclude: [{name}]")
-             for name, faces in zip(shells, loose) if name not in left}
+    open_ = {
+        name: Problem(
+            ("mesh", "step"),
+            f"{source}: {name}, {len(faces)} faces, the first at"
+            f" ({', '.join(f'{x:.4g}' for x in gmsh.model.occ.getCenterOfMass(2, faces[0]))}),"
+            " close no solid",
+            "closed solids",
+            f"repair the body in CAD and export it again, or leave it out: exclude: [{name}]")
+        for name, faces in zip(shells, loose)
+        if name not in left}
     if open_ and failed is None:
         raise InputError(list(open_.values()))
     if failed is not None:

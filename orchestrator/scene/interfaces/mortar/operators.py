@@ -30,7 +30,8 @@ image P x₂ of a point is r away from the point, a rotation of both bodies woul
 opposite forces would be a couple. With ω the rotation of the master's facets, their least squares
 fit, averaged with the same weights as P,
 
-    (P̃ w₂)ᵢ = (P w₂)ᵢ + ωᵢ × rᵢ,    ω = H Σᵥ Yᵥ × wᵥ,    H = (Σᵥ |Yᵥ|² I − Yᵥ Yᵥᵀ)⁻¹,    Y = X − mean X,
+    (P̃ w₂)ᵢ = (P w₂)ᵢ + ωᵢ × rᵢ,    ω = H Σᵥ Yᵥ × wᵥ,
+    H = (Σᵥ |Yᵥ|² I − Yᵥ Yᵥᵀ)⁻¹,    Y = X − mean X,
 
 and forces P̃ᵀ q have the resultant and the moment of q at the points.
 """

@@ -1,9 +1,11 @@
 """Reads a file of a stranger by gmsh or VTK in a process of its own, which can start no other and
 takes no more memory than is free.
 
-    python -P child.py BYTES FILE MESH.msh    by gmsh, which also knows a language with SystemCall: its groups become physical names
+    python -P child.py BYTES FILE MESH.msh        by gmsh, which also knows a language with
+                                                  SystemCall: its groups become physical names
     python -P child.py BYTES FILE.msh MESH.npz    by gmsh, of a mesh in partitions, what is in each
-    python -P child.py BYTES FILE GRID.npz    by VTK, which would end this program where a file declares more than there is
+    python -P child.py BYTES FILE GRID.npz        by VTK, which would end this program where a file
+                                                  declares more than there is
 
 It ends with 1 and the reader's complaint on standard output where something is wrong. FILE is for
 gmsh in a folder of its own: gmsh runs the options FILE.opt that it finds beside. Nothing of the
@@ -164,7 +166,8 @@ def by_vtk(source: str, target: str) -> None:
     """
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow, vtkVersion
+    from vtkmodules.vtkCommonCore import (
+        vtkLogger, vtkOutputWindow, vtkStringOutputWindow, vtkVersion)
     from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
