@@ -23,7 +23,7 @@ from orchestrator.method.interface.node_contact import ContactGroups
 from orchestrator.method.interface.node_groups import pointwise
 from orchestrator.method.interface.rows import rows_of
 
-LENGTHS = (0.4, 0.16, 0.06)  # of a step, tried in turn after all of it
+LENGTHS = (1.0, 0.4, 0.16, 0.06)  # of a step, tried in turn
 LESS = 0.05  # of what is left, times the length: what a step has to save
 # Shifts δ, tried in turn where a step saves nothing: with friction J may be singular on the way.
 SHIFTS = np.array([1e-6, 1e-3, 3e-2, 3e-1])
@@ -62,6 +62,14 @@ class Question:
                             self.anchor[:, at],
                             self.number, self.start[:, at], self.enough[wanted])
 
+    @property
+    def slips(self) -> np.ndarray:
+        """(n,) bool, groups with limits of friction, which can be renewed."""
+        result = np.zeros((1, len(self.group)))
+        for run in self.laws.runs:
+            result[:, run.part] = run.law.slips
+        return self.size(result) > 0
+
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """Return (3, R) F = q + keq (b − S q)."""
         return self.start + (self.felt @ q.ravel()).reshape(q.shape)
@@ -83,18 +91,12 @@ class Question:
         """Return (n,) ‖r‖ of each group."""
         return np.sqrt(np.bincount(self.group, (r**2).sum(axis=0), len(self.enough)))
 
-    def steps(self, r: np.ndarray, slope: np.ndarray, open_: np.ndarray,
-              shift: np.ndarray) -> np.ndarray:
-        """Return (3, R) J⁻¹ r of groups that are open (n,) bool, with shifts δ (n,); 0
-        elsewhere.
-        """
-        at, result = np.flatnonzero(open_[self.group]), np.zeros_like(r)
-        dofs = rows_of(at, len(self.group))
-        weight = (1 - shift[self.group[at]]) * slope[:, :, at]
-        J = sp.eye_array(len(dofs)) - pointwise(weight) @ self.felt[dofs][:, dofs]
+    def steps(self, r: np.ndarray, slope: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """Return (3, R) J⁻¹ r, with shifts δ (n,)."""
+        J = sp.eye_array(r.size) - pointwise((1 - shift[self.group]) * slope) @ self.felt
         with suppress(RuntimeError):  # exactly singular: no step, and another shift
-            result[:, at] = sla.splu(sp.csc_array(J)).solve(r[:, at].ravel()).reshape(3, -1)
-        return result
+            return sla.splu(sp.csc_array(J)).solve(r.ravel()).reshape(r.shape)
+        return np.zeros_like(r)
 
 
 def solved(question: Question, q: np.ndarray,
@@ -104,107 +106,63 @@ def solved(question: Question, q: np.ndarray,
     """
     q, size = q.copy(), np.empty(len(question.enough))
     if len(contact.order):
-        effort = SHIFTS, np.array([1.0, *LENGTHS]), LESS
-        q[:,
-          contact.order], size[contact.quick] = contact.answered(
-              question, q, effort, (ROUNDS, REPEATS, PATIENCE))
-    if len(contact.order) < q.shape[1]:
-        at, few = question.some(~contact.quick)
-        q[:, at], size[~contact.quick] = _newton(few, q[:, at])
-        open_ = ~contact.quick & (size > question.enough)
+        effort = SHIFTS, np.array(LENGTHS), LESS
+        q[:, contact.order], size[contact.quick] = contact.answered(
+            question, q, effort, (ROUNDS, REPEATS, PATIENCE))
+    others = ~contact.quick
+    if others.any():
+        at, few = question.some(others)
+        q[:, at], size[others] = _newton(few, q[:, at])
+        open_ = others & (size > question.enough) & question.slips
         if open_.any():
             at, few = question.some(open_)
             q[:, at], size[open_] = _renewed(few, q[:, at])
     return q, size
 
 
-class _Best:
-    """The best forces so far, and the groups that are still looked at.
-
-    q, size : (3, R), (n,) of all groups
-    question : of those looked at; points, groups : which they are
-    """
-
-    def __init__(self, question: Question, q: np.ndarray, size: np.ndarray):
-        self.question, self.q, self.size = question, q.copy(), size.copy()
-        self.points, self.groups = np.arange(q.shape[1]), np.arange(len(size))
-
-    def take(self, q: np.ndarray, size: np.ndarray) -> None:
-        """Keep what is better."""
-        better = size < self.size[self.groups]
-        moved = better[self.question.group]
-        self.q[:, self.points[moved]] = q[:, moved]
-        self.size[self.groups[better]] = size[better]
-
-    def narrow(self, open_: np.ndarray) -> np.ndarray:
-        """Look at some of the groups only; returns which of the points (Q,) int these have."""
-        at, self.question = self.question.some(open_)
-        self.points, self.groups = self.points[at], self.groups[open_]
-        return at
-
-
 def _newton(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Forces and what is left, by Newton's method alone."""
+    q, failures = q.copy(), np.zeros(len(question.enough), int)
     r, slope, size = question.left(q)
-    best, failures = _Best(question, q, size), np.zeros(len(size), int)
     for _ in range(ROUNDS):
         open_ = size > question.enough
         if not open_.any():
             break
-        if 2 * np.count_nonzero(open_[question.group]) < q.shape[1]:
-            at = best.narrow(open_)
-            question, q, r, slope = best.question, q[:, at], r[:, at], slope[:, :, at]
-            size, failures, open_ = size[open_], failures[open_], np.ones(len(best.groups), bool)
-        step = question.steps(r, slope, open_, SHIFTS[failures % len(SHIFTS)])
-        q, r, slope, saved = _searched(question, q, (r, slope, size), step, open_)
-        size = question.size(r)
-        failures = np.where(saved, 0, failures + 1)
-        best.take(q, size)
-    return best.q, best.size
-
-
-def _searched(question: Question, q: np.ndarray, known: tuple[np.ndarray, ...], step: np.ndarray,
-              open_: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Forces along the steps as far as they save something, r and A there, and the groups (bool)
-    whose do.
-    """
-    r, slope, size = known
-    trial = q - step
-    found = question.left(trial)
-    waiting = open_ & (found[2] >= (1 - LESS) * size)
-    moved = (open_ & ~waiting)[question.group]
-    q, r, slope = np.where(moved, trial, q), np.where(moved, found[0],
-                                                      r), np.where(moved, found[1], slope)
-    for length in LENGTHS if waiting.any() else ():
-        at, few = question.some(waiting)
-        trial = q[:, at] - length * step[:, at]
-        found = few.left(trial)
-        good = found[2] < (1 - LESS * length) * size[waiting]
-        moved = good[few.group]
-        q[:, at[moved]], r[:, at[moved]], slope[:, :, at[moved]] = (
-            trial[:, moved], found[0][:, moved], found[1][:, :, moved])
-        waiting[waiting] = ~good
-        if not waiting.any():
-            break
-    return q, r, slope, open_ & ~waiting
+        at, few = question.some(open_)
+        step = few.steps(r[:, at], slope[:, :, at], SHIFTS[failures[open_] % len(SHIFTS)])
+        failures[open_] += 1
+        for length in LENGTHS:  # of the groups that are left
+            trial = q[:, at] - length * step
+            found = few.left(trial)
+            good = found[2] < (1 - LESS * length) * size[open_]
+            moved, groups = good[few.group], np.flatnonzero(open_)
+            for known, new in zip((q, r, slope), (trial, *found)):
+                known[..., at[moved]] = new[..., moved]
+            size[groups[good]], failures[groups[good]] = found[2][good], 0
+            open_[groups[good]] = False
+            if good.all():
+                break
+            left, few = few.some(~good)
+            at, step = at[left], step[:, left]
+    return q, size
 
 
 def _renewed(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Forces and what is left, by limits of friction that are those of the answer before."""
-    force = question.answer(question.predicted(q))
-    size = question.size(q - force)
-    best, waited = _Best(question, q, size), np.zeros(len(size), int)
+    best, force = q.copy(), question.answer(question.predicted(q))
+    least = question.size(q - force)
+    waited = np.zeros(len(least), int)
     for _ in range(REPEATS):
-        open_ = (size > question.enough) & (waited < PATIENCE)
+        open_ = (least > question.enough) & (waited < PATIENCE)
         if not open_.any():
             break
-        if not open_.all():
-            at = best.narrow(open_)
-            question, q, force, waited = best.question, q[:, at], force[:, at], waited[open_]
-        convex = replace(question, laws=question.laws.lagged(force), enough=0.1 * question.enough)
-        q, _ = _newton(convex, q)
-        force = question.answer(question.predicted(q))
+        at, few = question.some(open_)
+        convex = replace(few, laws=few.laws.lagged(force[:, at]), enough=0.1 * few.enough)
+        q[:, at], _ = _newton(convex, q[:, at])
+        force[:, at] = few.answer(few.predicted(q[:, at]))
         size = question.size(q - force)
-        waited = np.where(size < best.size[best.groups], 0, waited + 1)
-        best.take(q, size)
-    return best.q, best.size
+        better = size < least
+        waited = np.where(better, 0, waited + open_)
+        best[:, better[question.group]] = q[:, better[question.group]]
+        least[better] = size[better]
+    return best, least

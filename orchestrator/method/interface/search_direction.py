@@ -62,11 +62,11 @@ class SearchDirection:
         """(T, D) k⁻ w."""
         return times(self.k, w)
 
-    def robin(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+    def robin(self, u: np.ndarray) -> np.ndarray:
         """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the
-        stiffness there; ``known``: as of traces.
+        stiffness there.
         """
-        return self.space.loads(self.times(self.space.trace(u, known)))
+        return self.space.loads(self.times(self.space.trace(u)))
 
     def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
         """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in
