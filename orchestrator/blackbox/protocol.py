@@ -43,7 +43,7 @@ class Origin:
         number[: len(self.nodes)] = self.nodes
         volume[: len(self.cells)] = np.where(self.cells >= 0, self.volume[self.cells], -1)
         return {"number": number, "volume": volume, "sole": volume < 0,
-                "volumes": np.array(list(self.volumes), dtype=str)}
+                "volumes": np.array(list(self.volumes), str)}
 
 
 @dataclass

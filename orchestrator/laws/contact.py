@@ -150,7 +150,7 @@ class Contact(Law):
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
         most = points.own.get("most", NONE)
         given = (*points.search, points["gap"], points["friction"], most), F, previous
-        force, status = np.empty(F.shape), np.empty(len(points), dtype=int)
+        force, status = np.empty(F.shape), np.empty(len(points), int)
         in_parts(forces, len(points), *given, force, status, part=WORTH)
         if not derivative:
             return Answer(force, status)

@@ -98,7 +98,7 @@ class CouplingLaw(GroundLaw):
     def force(points: Points, F: np.ndarray, previous: np.ndarray,
               derivative: bool = False) -> Answer:
         """f̂, surface by surface."""
-        result, passes = np.empty_like(F), np.zeros(len(points), dtype=bool)
+        result, passes = np.empty_like(F), np.zeros(len(points), bool)
         group, at, given, taken = ([] for _ in range(4))
         for index in np.unique(points.interface):
             own = np.flatnonzero(points.interface == index)

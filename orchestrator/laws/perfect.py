@@ -83,7 +83,7 @@ class Jump(Law):
     @classmethod
     def of(cls, entry: JumpEntry, count: int, direction: float,
            distance: np.ndarray | None = None) -> Jump:
-        return cls(direction * np.asarray(entry.jump, dtype=float))
+        return cls(direction * np.asarray(entry.jump, float))
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray,
                    area: np.ndarray) -> dict[str, np.ndarray]:

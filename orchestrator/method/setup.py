@@ -28,7 +28,8 @@ from orchestrator.method.interface.search_direction import (placed_soles, Search
 from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
 from orchestrator.method.interface.traces import TraceSpace, per_node
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
-from orchestrator.method.linear.loading import Carried, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.linear.loading import (
+    Carried, apply_loads, assemble_rims, boundary_stiffness)
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_by_nodes import NodeMacro
 from orchestrator.method.linear.macro_basis import interface_bases
@@ -70,7 +71,7 @@ class RankPart:
         method : ``method`` of the configuration
         rank_of : (subdomains,) int, the rank of each; None: all are this one's
         """
-        rank_of = np.zeros(len(scene.subdomains), dtype=int) if rank_of is None else rank_of
+        rank_of = np.zeros(len(scene.subdomains), int) if rank_of is None else rank_of
         sides = sides_by_subdomain(scene)
         traces = [boundary_dofs(scene, scene.subdomains[e], sides[e])
                   for e in np.flatnonzero(rank_of == team.rank)]
@@ -134,7 +135,8 @@ class _SetUp:
 
     def decomposed(self, savings: Savings) -> Decomposition:
         """The decomposition, step by step."""
-        scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
+        scene, space, method = self.scene, self.space, self.method
+        blackbox, watch, own = self.blackbox, self.watch, self.own
         remembers = any(s.remembers for s in own)
         perfect = space.transfer.perfect.all() and not remembers
         certified = not (perfect or remembers or method.tolerance.error is None

@@ -90,7 +90,7 @@ class MpiRanks(Team):
 
     def deliver(self, outgoing: Sequence[np.ndarray]) -> list[np.ndarray]:
         flat = [np.ravel(np.asarray(array, float)) for array in outgoing]
-        sizes, found = np.array([len(array) for array in flat]), np.empty(self.size, dtype=int)
+        sizes, found = np.array([len(array) for array in flat]), np.empty(self.size, int)
         self._count(sizes)
         self._wait(self._world.Ialltoall(sizes, found), sizes, found)
         others = [rank for rank in range(self.size) if rank != self.rank]
@@ -100,7 +100,7 @@ class MpiRanks(Team):
                 for rank in range(self.size)]
 
     def all_gather(self, part: Any) -> list[Any]:
-        packed, sizes = np.frombuffer(pickle.dumps(part), np.uint8), np.empty(self.size, dtype=int)
+        packed, sizes = np.frombuffer(pickle.dumps(part), np.uint8), np.empty(self.size, int)
         own = np.array([len(packed)])
         self._wait(self._world.Iallgather(own, sizes), own, sizes)
         every = np.empty(sizes.sum(), np.uint8)

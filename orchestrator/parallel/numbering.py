@@ -125,7 +125,7 @@ def rendezvous(names: np.ndarray, team: Team) -> dict[int, np.ndarray]:
 
     names : (k, c) ascending, none twice
     """
-    hashed = np.zeros(len(names), dtype=np.uint64)
+    hashed = np.zeros(len(names), np.uint64)
     for column in names.T:
         hashed = (hashed ^ np.ascontiguousarray(column).view(np.uint64)) * _MIX
         hashed ^= hashed >> _HALF
@@ -151,7 +151,7 @@ def _met(asked: list[np.ndarray]) -> list[np.ndarray]:
     name = np.unique(np.concatenate(asked), axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(name, kind="stable")
     name, rank, row = name[order], rank[order], row[order]
-    pairs = [np.empty((0, 3), dtype=int)]
+    pairs = [np.empty((0, 3), int)]
     for step in range(1, int(np.bincount(name).max(initial=0))):
         both = np.flatnonzero(name[step:] == name[:-step])
         pairs += [np.column_stack([rank[a], row[a], rank[b]])

@@ -80,7 +80,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
     costs = np.asarray(costs, float)
     n = len(costs)
     if ranks == 1:
-        return np.zeros(n, dtype=int)
+        return np.zeros(n, int)
     one, two = np.asarray(pairs).reshape(-1, 2).T
     graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])),
                          shape=(n, n)).tocsr()
@@ -88,7 +88,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
     found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices),
                                vweights=weights.tolist(),
                                eweights=graph.data.astype(int).tolist(), recursive=True)
-    owner = np.asarray(found.vertex_part, dtype=int)
+    owner = np.asarray(found.vertex_part, int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains
         if not (owner == rank).any():
             load = np.bincount(owner, weights=costs, minlength=ranks)

@@ -45,7 +45,7 @@ class Nodal:
         kinds = np.unique(kind, return_inverse=True)[1].ravel() if kind.any() else kind
         split = split_numbering(joined, kinds, int(joined.max()) + 1)
         self.corner = split.corners
-        self.node, self.part = np.zeros((2, len(split.nodes)), dtype=int)
+        self.node, self.part = np.zeros((2, len(split.nodes)), int)
         self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
@@ -101,7 +101,7 @@ class Nodal:
         if self.fields.cells.shape[1] == 4:
             return self.node, self.corner
         ends, edge = self._edges
-        middle = np.zeros(len(ends), dtype=int)
+        middle = np.zeros(len(ends), int)
         middle[edge] = self.fields.cells[:, 4:]
         return np.concatenate([self.node, middle]), np.hstack([self.corner, len(self) + edge])
 
@@ -141,10 +141,10 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> list[tuple]:
     """
     fields, names = nodal.fields, nodal.fields.parts or ("",)
     node, cells = nodal.split
-    part = np.zeros(len(node), dtype=int)
+    part = np.zeros(len(node), int)
     part[cells] = 0 if fields.part is None else fields.part[:, None]
     shape = (2, len(names), len(QUANTITIES))
-    value, step_of, at = np.full(shape, np.nan), np.zeros(shape, dtype=int), np.zeros((*shape, 3))
+    value, step_of, at = np.full(shape, np.nan), np.zeros(shape, int), np.zeros((*shape, 3))
     for step in range(fields.steps):
         u = components_of_displacement(fields.displacement[step][node])
         if lost is not None and lost[step].any():
@@ -174,7 +174,7 @@ def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray,
     nan where all are nan.
     """
     result = np.full((2, count, values.shape[1]), np.nan)
-    which = np.zeros(result.shape, dtype=int)
+    which = np.zeros(result.shape, int)
     known = np.flatnonzero(np.isfinite(values).all(axis=1))
     known = known[np.argsort(part[known], kind="stable")]
     bounds = np.searchsorted(part[known], np.arange(count + 1))

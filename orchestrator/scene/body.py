@@ -15,7 +15,8 @@ from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
-from orchestrator.scene.mesh.quadratic import TET_EDGES, choose_element, edges_of, quadratic, stiffest
+from orchestrator.scene.mesh.quadratic import (
+    TET_EDGES, choose_element, edges_of, quadratic, stiffest)
 from orchestrator.scene.mesh.size_map import Sizes
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Material

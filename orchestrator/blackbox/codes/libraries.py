@@ -43,11 +43,11 @@ class ScikitFem(Adapter):
         lam, mu = (constant.interpolate(values[model.region])
                    for values in lame(*model.materials.T))
         matrix = sp.coo_array(BilinearForm(elasticity).assemble(basis, lam=lam, mu=mu))
-        place = np.empty(basis.N, dtype=int)  # of scikit-fem's dofs in the protocol's order
+        place = np.empty(basis.N, int)  # of scikit-fem's dofs in the protocol's order
         place[basis.nodal_dofs] = 3 * corners + np.arange(3)[:, None]
         if quadratic:
             ends, edge = edges_of(model.cells[:, :4], TET_EDGES)
-            middle = np.empty(len(ends), dtype=int)
+            middle = np.empty(len(ends), int)
             middle[edge] = model.cells[:, 4:]
             place[basis.edge_dofs] = np.arange(3)[:, None] + 3 * middle[
                 find(ends, corners[mesh.edges].T)]

@@ -141,7 +141,7 @@ class Server:
                 "the solver's class has no method loads(model, step), though its entry says "
                 "loads: true")
         model = read_model(f"mesh-{index}.npz")
-        forces = [np.asarray(self.solver.loads(model, step + 1), dtype=float).ravel()
+        forces = [np.asarray(self.solver.loads(model, step + 1), float).ravel()
                   for step in range(steps)]
         if any(force.size != model.fixed.size for force in forces):
             raise ValueError(
@@ -151,7 +151,7 @@ class Server:
     def _advance(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
         index, commit, start = int(ints[0]), bool(ints[1]), clock()
         model, given = self.models[index], reals.copy()
-        u, needed = (np.asarray(x, dtype=float).ravel()
+        u, needed = (np.asarray(x, float).ravel()
                      for x in self.solver.advance(self.prepared[index], given))
         if u.size != given.size or needed.size != given.size:
             raise ValueError(

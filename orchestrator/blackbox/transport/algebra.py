@@ -102,7 +102,7 @@ class AlgebraWorker(Worker):
 
     def _soles(self, model: Model) -> sp.csr_array:
         """(3n, 3n) stiffness of the model's plain matter; beside a nonlinear part diagonal."""
-        sole = np.ones(len(model.cells), dtype=bool)
+        sole = np.ones(len(model.cells), bool)
         if model.origin is not None:
             sole[: len(model.origin.cells)] = model.origin.cells < 0
         stiffness = Matter(model.nodes, model.cells[sole],

@@ -6,8 +6,8 @@ touches (``SpreadFactor``).
 Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
 stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
 
-- ``equilibrium``:  G = k C,   Cᵀf = 0     ⇒  (CᵀkC − VᵀNᵀG) α = Cᵀf₁     (eq. 17, eq. 31, signs mended)
-- ``continuity``:   G = BᵀF,   Gᵀw = 0     ⇒  (GᵀNV) α = Gᵀw₁             (eq. 34, eq. 42)
+- ``equilibrium``:  G = k C,   Cᵀf = 0   ⇒  (CᵀkC − VᵀNᵀG) α = Cᵀf₁   (eq. 17, eq. 31, signs mended)
+- ``continuity``:   G = BᵀF,   Gᵀw = 0   ⇒  (GᵀNV) α = Gᵀw₁           (eq. 34, eq. 42)
 
 C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W, eq. 35.
 
@@ -27,7 +27,8 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.sparse.symmetric import factorise, Solve
-from orchestrator.method.interface.rows import block_diagonal, Blocks, bounds_of, digest, peak, times, unit_rows
+from orchestrator.method.interface.rows import (
+    block_diagonal, Blocks, bounds_of, digest, peak, times, unit_rows)
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
@@ -63,7 +64,7 @@ def force_blocks(forces: sp.csr_array,
     parts : boundary dofs of each subdomain
     """
     forces.sort_indices()
-    ends, place = forces.indptr, np.zeros(forces.shape[1], dtype=np.int32)
+    ends, place = forces.indptr, np.zeros(forces.shape[1], np.int32)
     sees, blocks, known = [], [], {}
     for part in parts:
         entries = slice(ends[part.start], ends[part.stop])
@@ -95,7 +96,7 @@ def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[
     for members in alike.values():
         if len(members) == 1:
             shapes.setdefault(forces[members[0]].shape, []).extend(members)
-    starts, result = np.array([part.start for part in parts], dtype=int), []
+    starts, result = np.array([part.start for part in parts], int), []
     for members, shared in [(g, True) for g in groups] + [(g, False) for g in shapes.values()]:
         different = members[:1] if shared else members
         result.append(SameShape(members, np.stack([sees[e] for e in members]),
@@ -257,7 +258,7 @@ def _numbers(space: TraceSpace, bases: list[np.ndarray]) -> tuple[np.ndarray, np
     """(size,) int, which of the macro unknowns of all ranks this rank's are, and (size,) bool,
     whether another sees them too.
     """
-    widths = np.array([basis.shape[1] for basis in bases], dtype=int)
-    most = np.array(space.team.max(*widths), dtype=int)
+    widths = np.array([basis.shape[1] for basis in bases], int)
+    most = np.array(space.team.max(*widths), int)
     shared = [any(len(side) and side[0] >= space.size for side in sides) for sides in space.sides]
-    return runs(np.cumsum(most) - most, widths), np.repeat(np.array(shared, dtype=bool), widths)
+    return runs(np.cumsum(most) - most, widths), np.repeat(np.array(shared, bool), widths)

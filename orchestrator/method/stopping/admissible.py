@@ -38,8 +38,9 @@ UNBALANCED = 1e-7
 BALANCED = 1e-6  # of the resultants, what may be left after it
 # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
 UNEVEN = 100.0
-# Of the forces κ (mean − w), what brings fields nearest to u. Bound over error with none, a quarter,
-# half: 64 cubes 1.7, 1.5, 1.6; moduli 1:1000 at random 3.3, 2.8, 2.9; 128 slices 4.0, 3.0, 3.0.
+# Of the forces κ (mean − w), what brings fields nearest to u. Bound over error with none, a
+# quarter, half: 64 cubes 1.7, 1.5, 1.6; moduli 1:1000 at random 3.3, 2.8, 2.9; 128 slices 4.0, 3.0,
+# 3.0.
 TOGETHER = 0.25
 TINY = np.finfo(float).tiny
 
@@ -70,7 +71,7 @@ class RigidModes:
                                             counts[self._seen]))
         self._of = ColumnSegments(space.boundary)
         at = np.searchsorted(self._seen,
-                             np.asarray(space.subdomains, dtype=int)[self._of.subdomains])
+                             np.asarray(space.subdomains, int)[self._of.subdomains])
         there = np.arange(RIGID) < counts[self._seen[at], None]
         # (6, subdomains): −1 where there is none
         self._at = np.where(there, self._starts[at, None] + np.arange(RIGID), -1).T

@@ -135,7 +135,7 @@ class Fields:
     def material(self) -> np.ndarray:
         """(m,) int: cells of equal λ and μ share a number."""
         if (self.lame == self.lame[:1]).all():
-            return np.zeros(len(self.lame), dtype=int)
+            return np.zeros(len(self.lame), int)
         pairs = np.ascontiguousarray(self.lame).view(np.complex128).ravel()
         return np.unique(pairs, return_inverse=True)[1].ravel()
 

@@ -101,7 +101,7 @@ def _write_interfaces(folder: ResultsFolder, names: Sequence[str], fields: Field
     i, sides = fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)]
     shifts = {name: x for name in SHIFTS if (x := getattr(i, name)) is not None}
     pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)],
-                      dtype=bool)[i.interface_of_node]
+                      bool)[i.interface_of_node]
     told = {"displacement_1": sides[0], "displacement_2": sides[1], "gap": i.gap, "slip": i.slip,
             "pressure": np.where(pulled, 0.0, i.pressure)}
     if pulled.any():

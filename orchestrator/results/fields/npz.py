@@ -50,7 +50,7 @@ def write_npz(path: Path, written: Fields) -> None:
     if (met := written.interfaces) is not None:
         found |= {key: getattr(met, name) for name, key in _INTERFACE.items()}
         found |= {_OWN + name: x for name, x in met.own.items()}
-    found["parts"] = np.array(written.parts, dtype=str)
+    found["parts"] = np.array(written.parts, str)
     with open(path, "wb") as file:
         np.savez(file, **{name: x for name, x in found.items() if x is not None})
 

@@ -207,8 +207,7 @@ def draw(picture: Picture, step: int, width: int) -> np.ndarray:
                                  reset_camera=False, render=False)
         actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
         actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
-    plotter.camera.position, plotter.camera.focal_point, plotter.camera.up = (
-        focus + extent.max() * toward, focus, up)
+    plotter.camera_position = [focus + extent.max() * toward, focus, up]
     plotter.camera.parallel_scale = 0.5 * extent[1]
     plotter.reset_camera_clipping_range()
     plotter.render()

@@ -100,13 +100,6 @@ def standing(run: Stopped) -> Iterator[str]:
         "alone")
 
 
-def runaway(run: Stopped) -> Iterator[str]:
-    """Displacements without limit."""
-    yield (
-        "displacements grew without limit or are no numbers: look for bodies that are not held, "
-        "and for loads or moduli in other units than the rest")
-
-
 def settings(run: Stopped) -> Iterator[str]:
     """Advice where the method is not the default one, which was chosen to converge."""
     method, changed = run.method, []
@@ -215,23 +208,21 @@ def code(run: Stopped) -> Iterator[str]:
         f"{others[0] if others else 'CODE'}")
 
 
-def surfaces(run: Stopped) -> Iterator[str]:
-    """Forces that the true surfaces cannot carry, or that do not clamp."""
-    yield (
-        "forces are not what surfaces and friction allow: smaller elements on curved faces that "
-        "slide, or loads that friction can hold")
-
-
+RUNAWAY = ("displacements grew without limit or are no numbers: look for bodies that are not held, "
+           "and for loads or moduli in other units than the rest")
+SURFACES = (
+    "forces are not what surfaces and friction allow: smaller elements on curved faces that "
+            "slide, or loads that friction can hold")
 # first word or words of ``stop_reason`` → where the causes are, the likeliest first
-CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
+CAUSES: dict[str, list[str | Callable[[Stopped], Iterator[str]]]] = {
     "max_iterations": [how_far, halving, settings, matter, shape, contact],
-    "diverged": [halving, settings, runaway, contact, code],
+    "diverged": [halving, settings, RUNAWAY, contact, code],
     "limit load": [limit, halving],
     "a body is let go": [how_far, halving],
     "held by stabilisation alone": [springs, halving],
     "stagnated at rounding": [rounding, settings, matter, code],
     "error bound stands still": [standing],
-    "check": [surfaces],
+    "check": [SURFACES],
     "guard": [code, settings, contact],
 }
 
@@ -245,4 +236,5 @@ def advice(run: Stopped) -> list[str]:
         return found
     return found + [sentence for name, causes in CAUSES.items()
                     if run.iterated.stop_reason.startswith(name)
-                    for cause in causes for sentence in cause(run)]
+                    for cause in causes
+                    for sentence in ([cause] if isinstance(cause, str) else cause(run))]

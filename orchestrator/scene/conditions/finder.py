@@ -13,7 +13,8 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.config.probes import PathProbe, PointProbe, SectionProbe, SurfaceProbe
 from orchestrator.errors import InputError, KeyPath, Problems, some, wrong
-from orchestrator.scene.conditions.probes import ProbeLine, ProbePoint, ProbeSection, ProbeSurface, Tets
+from orchestrator.scene.conditions.probes import (
+    ProbeLine, ProbePoint, ProbeSection, ProbeSurface, Tets)
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
@@ -63,7 +64,7 @@ class Finder:
         Raises InputError: there is none of that name
         """
         if part is None:
-            return np.ones(len(self.mesh.cells), dtype=bool)
+            return np.ones(len(self.mesh.cells), bool)
         if volumes := matching(part, self.mesh.volumes):
             return np.isin(self.mesh.volumes, volumes)[self.mesh.volume]
         own = np.isin(self.bodies, matching(part, self.bodies))[self.subdomain]
@@ -77,7 +78,7 @@ class Finder:
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray,
                path: KeyPath) -> ProbePoint:
-        at = np.array(asked.at, dtype=float)
+        at = np.array(asked.at, float)
         tets = self.around(at, allowed)
         if len(tets.number):
             names = self._apart(tets)
@@ -127,7 +128,7 @@ class Finder:
         """Points of a path; where parts meet, a point belongs to the one that the path comes
         from.
         """
-        ends = np.array(asked.along, dtype=float)
+        ends = np.array(asked.along, float)
         at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
         cells, weights, before, of = np.full(len(at), -1), np.zeros((len(at), 4)), None, set()
         for k, point in enumerate(at.copy()):
@@ -158,7 +159,7 @@ class Finder:
     def _section(self, asked: SectionProbe, name: str, allowed: np.ndarray,
                  path: KeyPath) -> ProbeSection:
         mesh, normal, point = self.mesh, np.array(unit(asked.section.plane)), np.array(
-            asked.section.point, dtype=float)
+            asked.section.point, float)
         front = (mesh.nodes[mesh.cells[:, :4]].mean(axis=1) - point) @ normal > 0
         may_part = [i for i in self.interfaces if not (i.law.perfect and i.mortar is None)]
         along = [i.name for i in may_part if _parted(mesh, i.cells, allowed, front).any()]
@@ -179,7 +180,7 @@ class Finder:
                         "look at the coordinates, and at part:; near a face move the plane "
                         "inwards by half an element")
         return ProbeSection(name, front, behind, normal, float(normal @ point),
-                            point if asked.about is None else np.array(asked.about, dtype=float))
+                            point if asked.about is None else np.array(asked.about, float))
 
     def _apart(self, tets: Tets) -> list[str]:
         """Names of what has tets of its own among these: volumes, and bodies that interfaces of one
@@ -223,7 +224,7 @@ class Finder:
         centre = each @ self.mesh.nodes[triangles[:, :3]].mean(axis=1) / total
         within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
         corners = (self.mesh.cells[cells][:, None, :] == triangles[:, :, None]).argmax(axis=2)
-        about = centre if asked.about is None else np.array(asked.about, dtype=float)
+        about = centre if asked.about is None else np.array(asked.about, float)
         return ProbeSurface(name, asked.quantity, asked.of or "displacement", cells, corners, area,
                             total, centre, about, within,
                             np.unique(self.subdomain[cells]))

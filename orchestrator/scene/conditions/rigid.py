@@ -24,7 +24,9 @@ ROTATION = DISPLACEMENT = 0.1
 # Nodes closer than this share of the mesh's size are said to coincide.
 TOUCHING = 1e-6
 # How bodies that are meshed apart are made one.
-JOINED = "join it to them by an entry of interfaces, {between: auto, law: perfect}, which bonds faces that do not match as well"
+JOINED = (
+    "join it to them by an entry of interfaces, {between: auto, law: perfect}, which bonds faces "
+    "that do not match as well")
 MERGE = ('merge the nodes (pyvista: grid.clean(); gmsh: "Coherence Mesh", '
          "model.mesh.removeDuplicateNodes())")
 # So many of the hinges that do not hold a body are described.
@@ -118,8 +120,8 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     hinges : what joins bodies in single points
     """
-    count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
-    pairs = np.concatenate([np.empty((0, 2), dtype=int), *links])
+    count, piece = pieces(faces, np.zeros(len(mesh.cells), int))
+    pairs = np.concatenate([np.empty((0, 2), int), *links])
     count, joined = components(*piece[pairs].T, count)
     piece = joined[piece]
     cells = np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1])
@@ -137,7 +139,9 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
             continue
         points = mesh.nodes[nodes]
         parts = named[i]
-        where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
+        where = (
+            "" if count == 1
+            else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})")
         shown = some(parts, 6)
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         said = list(dict.fromkeys(hinge.cure for hinge in hinges if i in piece[list(hinge.cells)]))
@@ -157,7 +161,9 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                 "touch, " + JOINED
                 + ", or merge them; otherwise " + cure)
         elif hint is not None:
-            cure += f"; if it is meant to touch others, {JOINED}; or let contact with gap: geometry hold it, which reaches over gaps"
+            cure += (
+                f"; if it is meant to touch others, {JOINED}; or let contact with gap: geometry "
+                "hold it, which reaches over gaps")
         problems.add(("boundary",),
                      f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
@@ -172,7 +178,7 @@ def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Seq
     """
     if not hinges:
         return
-    _, label = components(*np.array(bodies, dtype=int).T, len(nodes))
+    _, label = components(*np.array(bodies, int).T, len(nodes))
     for chain in np.unique(label[np.array(bodies).ravel()]):
         chosen = np.flatnonzero(label == chain)
         ends = np.cumsum([0] + [left[i].shape[1] for i in chosen])

@@ -95,7 +95,9 @@ def surface_gap(parts: Parts, interface: Interface, key: tuple[int, str],
                           for name in ("sagitta", "unsure"))
     deep = inside > off_facets + COINCIDE * h
     if deep.any():
-        off = f"; facets there are off the surfaces that they stand for by {off_facets[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
+        off = (
+            "; facets there are off the surfaces that they stand for by "
+            f"{off_facets[np.where(deep, inside, 0.0).argmax()]:.3g} at most")
         _refuse(problems, interface, key, x1, np.where(deep, inside, 0.0), off)
     gap, nothing = _surface_distance(parts, surfaces), rounding(x1, ROUNDING * h)
     if not deep.any():
@@ -216,7 +218,9 @@ def tell_distances(parts: Parts, laws: Laws, found: Sequence[Interface],
         if size[at] > abs(worst[key][0] if key in worst else 0.0):
             worst[key] = float(gap[at]), points[at], interface.subdomains
     for (read, names), (gap, point, sides) in worst.items():
-        where = f"{abs(gap):.2g} {'apart' if gap > 0 else 'inside each other'} in the initial geometry, at {format_point(point)}, and "
+        where = (
+            f"{abs(gap):.2g} {'apart' if gap > 0 else 'inside each other'} in the initial "
+            f"geometry, at {format_point(point)}, and ")
         problems.warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
             "are pressed together by as much; gap: 0 takes them as touching" if read else
             "count as touching; gap: geometry reads the distance, gap: 0 says that they touch"))

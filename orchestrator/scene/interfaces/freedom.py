@@ -52,7 +52,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                 problems.add(("interfaces", interface.entry),
                              f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
                              f"{interface.name}, is free: nothing would carry the interface",
-                             "on one side, nodes on which boundary conditions leave the normal free",
+                             "on one side, nodes on which boundary conditions leave the normal "
+                             "free",
                              f"{other}more than one element across, or meshes that match")
         else:
             one, two = (fixed[own] for own in numbering.sides(interface))
@@ -90,7 +91,7 @@ def _curve(interface: Interface, points: np.ndarray) -> None:
     are known."""
     faces = np.full(len(interface.triangles), -1)
     known = surface_of(points, interface.triangles, faces, interface.given).normals
-    sure = np.zeros(len(points), dtype=bool)
+    sure = np.zeros(len(points), bool)
     sure[interface.triangles[~np.isnan(known).any(axis=2)]] = True
     if sure.any():
         normals = unit(node_vectors(points, interface.triangles, interface.shares, known))

@@ -174,20 +174,28 @@ def _report_unused(parts: Parts, laws: Laws, pairs: list[tuple[str, str]],
             continue  # of pairs that are found, ``report_neighbours`` says which are missing
         where = entry.apart or "between"
         if unknown := [p for p in entry.pair if not laws.meant(p)]:
-            where, found = "between", f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
+            where = "between"
+            found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
             cure = "; ".join(suggestion(p, laws.names, "part") for p in unknown)
         elif everything:
-            found = f"no interface in all the scene: its {parts.pieces[0]} separate pieces share no face" + _how_far(parts, laws, entry)
+            found = (
+                f"no interface in all the scene: its {parts.pieces[0]} separate pieces share no "
+                "face" + _how_far(parts, laws, entry))
             cure = (
                 "mesh what touches alike on both sides; for gaps, let the law read them (contact: "
                 "gap: geometry); for parts that have nothing to do with each other leave "
                 "interfaces out")
         else:
-            found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" + _how_far(parts, laws, entry)
+            found = (
+                f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face"
+                + _how_far(parts, laws, entry))
             beside = [pair for pair in pairs
                       if any(laws.means(p, pair) for p in entry.pair if p != "*")] or pairs
-            cure = "interfaces exist between " + some([" | ".join(b) for b in beside],
-                                                      6) if pairs else "there are no interfaces at all"
+            cure = (
+                "interfaces exist between " + some([" | ".join(b) for b in beside], 6)
+                if pairs
+                else "there are no interfaces at all"
+            )
         problems.add(("interfaces", i, where), found,
                      "names of two parts that share faces, or have opposite faces with matching "
                      "nodes; shell wildcards allowed", cure)
@@ -202,9 +210,12 @@ def _how_far(parts: Parts, laws: Laws, entry: Any) -> str:
         return ""
     for a, b in pairs:
         if (inside := parts.inside(a.volume, b.volume)) is not None:
-            return f"; {parts.mesh.volumes[a.volume]} and {parts.mesh.volumes[b.volume]} are inside each other by about " \
-                   f"{inside.depth:.3g}, at {format_point(inside.where)}"
+            return (
+                f"; {parts.mesh.volumes[a.volume]} and {parts.mesh.volumes[b.volume]} are inside"
+                f" each other by about {inside.depth:.3g}, at {format_point(inside.where)}"
+            )
     distance, where, size = min((nearest(a, b) for a, b in pairs), key=lambda f: f[0])
     allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
                if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
-    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"
+    return (
+        f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}")

@@ -119,7 +119,7 @@ def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
     node.
     """
     subdomain = scene.subdomains[interface.subdomains[side]]
-    on = np.zeros(len(subdomain.nodes), dtype=bool)
+    on = np.zeros(len(subdomain.nodes), bool)
     on[interface.nodes[side]] = True
     return np.flatnonzero(on[subdomain.connectivity].any(axis=1))
 
@@ -140,7 +140,7 @@ def difficulty(scene: Scene) -> Difficulty:
     if scene.overview is not None:
         return scene.overview.difficulty
     young, poisson = scene.moduli.T
-    mixed = np.zeros(len(scene.interfaces), dtype=bool)
+    mixed = np.zeros(len(scene.interfaces), bool)
     if young.max() > CONTRAST * young.min():
         for i in scene.interfaces:
             rows = [young[scene.subdomains[e].material[first_row(scene, i, side)]]
@@ -167,7 +167,8 @@ def by_nodes(scene: Scene, method) -> bool:
     method : ``method`` of the configuration: what it asks of layers or interfaces excludes rings
     """
     sole, macro = method.sole, method.macro
-    usual = sole.thickness == sole.poisson == macro.basis == "auto" and macro.strategy != "continuity"
+    usual = (
+        sole.thickness == sole.poisson == macro.basis == "auto" and macro.strategy != "continuity")
     if not (usual and method.search_direction.kplus == "exchange" and scene.conforming):
         return False
     return sole.kind == "overlap" or sole.kind == "auto" and not difficulty(scene).softest.any()

@@ -170,7 +170,7 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
     cosine, room = cosine_of(entry.angle), entry.reach or REACH * size
-    chosen, near = np.zeros(len(local), dtype=bool), np.inf
+    chosen, near = np.zeros(len(local), bool), np.inf
     for move in np.unique(tool.driven.moves, axis=0):  # within reach at some load step
         distance, normal = tool.at(move, points)
         looks = np.einsum("kc,kc->k", facet, normal[local[:, :3]].mean(axis=1)) < cosine
@@ -210,12 +210,14 @@ def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyP
     """No face: the tool is elsewhere, turned the other way, or inside altogether."""
     corners = mesh.nodes[mesh.cells[cells, :4]]
     if (barycentric(corners, tool.surface.middle) > 0).all(axis=1).any():
-        found, cure = "begins inside the part altogether", "move it out, and press it by its displacement or force"
+        found = "begins inside the part altogether"
+        cure = "move it out, and press it by its displacement or force"
     elif np.isfinite(near):
         found = f"comes no nearer than {near:.3g} to any face that looks at it"
         cure = f"move it nearer, or write within: {1.5 * near:.2g}"
     else:
-        found, cure = "is looked at by no face", "turn its normal round; hollow: true where the part is inside it"
+        found = "is looked at by no face"
+        cure = "turn its normal round; hollow: true where the part is inside it"
     problems.add((*path, "between", 1), f"{tool.name} {found}",
                  "faces of the part that look at the tool, two elements from it at most",
                  cure)

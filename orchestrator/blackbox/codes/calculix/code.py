@@ -182,7 +182,7 @@ class CalculixWorker(RunWorker):
 
     def _store(self, model: Model, clamp: bool, stage: str) -> LoadedModel:
         if clamp and model.fixed.all():  # nothing moves: CalculiX stores no matrix then
-            return LoadedModel(model, "", sp.csr_array((0, 0)), np.empty(0, dtype=int))
+            return LoadedModel(model, "", sp.csr_array((0, 0)), np.empty(0, int))
         mesh = files.mesh(model) + (files.clamped(model) if clamp else "")
         self._run(mesh + files.STORE_MATRIX, stage)
         stiffness, active = files.matrix(self.folder / JOB, model.fixed.size)

@@ -169,7 +169,7 @@ def encode(model: Model) -> bytes:
     n, extra = len(nodes), padding(nodes)
     padded = int(len(extra) > 0)
 
-    vertices = np.zeros(n + len(extra), dtype=[("x", "<f8", 3), ("label", "<i4")])
+    vertices = np.zeros(n + len(extra), [("x", "<f8", 3), ("label", "<i4")])
     vertices["x"][:n] = nodes
     vertices["x"][n:] = extra
     tets = np.empty((len(cells) + padded, 5), "<i4")

@@ -55,7 +55,9 @@ class Mending:
 
     def told(self, h: float) -> str:
         """The changes in words, for elements of size h."""
-        bent = f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most" if self.bent else ""
+        bent = (
+            f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most"
+            if self.bent else "")
         return f"{self.moved} node{'s' * (self.moved != 1)} moved{bent}"
 
     def _bad(self, cells: np.ndarray) -> np.ndarray:
@@ -66,7 +68,7 @@ class Mending:
 
     def _mended_at(self, cell: int, bend: bool) -> np.ndarray:
         """Move a node of a bad tet; the tets that it touches, none where nothing helps."""
-        touched, best = np.empty(0, dtype=int), 0.0
+        touched, best = np.empty(0, int), 0.0
         if self._fitness(self.points, self.cells[[cell]])[0] >= 1:
             return touched
         for u in self.cells[cell].tolist():

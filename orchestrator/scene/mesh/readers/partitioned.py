@@ -18,7 +18,9 @@ from orchestrator.scene.mesh.readers.libraries import by_gmsh
 
 # not for who merely asks whether a file is in partitions
 meshio, common = Late("meshio"), Late("meshio.gmsh.common")
-REMARK = "the mesh is in partitions: each is a volume, and with subdomains: groups a subdomain; what joins two is an interface as all others"
+REMARK = (
+    "the mesh is in partitions: each is a volume, and with subdomains: groups a subdomain; what "
+    "joins two is an interface as all others")
 
 
 def in_partitions(path: Path) -> list[Path]:

@@ -59,8 +59,8 @@ def read(path: Path) -> Mesh:
     named = {name: rows[(rows >= 0).all(axis=1)] for name, rows in named.items()}
     for name, (_, dimension) in physical_names(raw):
         if dimension == 2:
-            named.setdefault(name, np.empty((0, 3), dtype=np.int64))
-    return Mesh(np.asarray(raw.points, dtype=float)[used], inverse.reshape(-1, 4), volume, volumes,
+            named.setdefault(name, np.empty((0, 3), np.int64))
+    return Mesh(np.asarray(raw.points, float)[used], inverse.reshape(-1, 4), volume, volumes,
                 named, str(path), remarks=[
         *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear])
 
@@ -79,7 +79,8 @@ def _check_kinds(path: Path, kinds: set[str]) -> None:
                    "mesh the volume, not only its surface, and save the volume elements")
     elif solid != ["tetra"]:
         problem = (
-            f"cells that are not known here: {', '.join(kind for kind in solid if kind != 'tetra')}",
+            "cells that are not known here: "
+            f"{', '.join(kind for kind in solid if kind != 'tetra')}",
                    "tetrahedra, hexahedra, prisms or pyramids, linear or quadratic",
             "mesh the volume with tetrahedra")
     else:
@@ -110,12 +111,12 @@ def cells_of(raw: meshio.Mesh, kind: str, dimension: int,
     """All cells of a kind, their groups (name → indices), and a name for those in no group."""
     blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
     if not blocks:
-        return np.empty((0, 3), dtype=int), {}, ""
-    cells = np.concatenate([np.asarray(raw.cells[i].data, dtype=np.int64) for i in blocks])
+        return np.empty((0, 3), int), {}, ""
+    cells = np.concatenate([np.asarray(raw.cells[i].data, np.int64) for i in blocks])
     starts = np.cumsum([0, *(len(raw.cells[i].data) for i in blocks)])
     groups: dict[str, list[np.ndarray]] = {}
     for name, sets in raw.cell_sets.items():
-        index = [start + np.asarray(sets[i], dtype=np.int64) for i, start in zip(blocks, starts)
+        index = [start + np.asarray(sets[i], np.int64) for i, start in zip(blocks, starts)
                  if sets[i] is not None and len(sets[i])]
         if index and not name.startswith("gmsh:"):
             groups.setdefault(name, []).extend(index)
