@@ -16,7 +16,7 @@ from orchestrator.results.folder import read_table
 from orchestrator.results.probes import ALONG, NAME as PROBES, PATHS, along_rows, probe_columns
 from orchestrator.scene.model import Scene
 
-Table = list[list[str]]  # rows, the head first
+Rows = list[list[str]]  # of texts, the head first
 INTERFACES = "interfaces.csv"
 OF_INTERFACES = (
     "interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x",
@@ -27,7 +27,7 @@ TABLES = {EXTREMES: COLUMNS, INTERFACES: OF_INTERFACES, PROBES: ("load_step",), 
 
 
 def tables_of(scene: Scene, resultants: Resultants, met: Met | None, extremes: Iterable[tuple],
-              probes: Sequence[dict], paths: Sequence[dict]) -> dict[str, Table]:
+              probes: Sequence[dict], paths: Sequence[dict]) -> dict[str, Rows]:
     """Return file → table of a solved scene, those that tell something; ``extremes``, ``probes``
     and ``paths`` as their modules have them.
     """
@@ -42,7 +42,7 @@ def tables_of(scene: Scene, resultants: Resultants, met: Met | None, extremes: I
     return found
 
 
-def interface_table(scene: Scene, resultants: Resultants, met: Met | None) -> Table:
+def interface_table(scene: Scene, resultants: Resultants, met: Met | None) -> Rows:
     """Return the table of all interfaces: forces and moments on side 1, where they act, the largest
     pressure at a node (none of bonded interfaces, where stresses tell), area, and work and
     dissipation since the unloaded state, see ``delivery.met``.
@@ -61,14 +61,14 @@ def interface_table(scene: Scene, resultants: Resultants, met: Met | None) -> Ta
         for step, row in enumerate(numbers[:, k].tolist(), 1)), ".12g")
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[object]], form: str = "") -> Table:
+def table(head: Sequence[str], rows: Iterable[Sequence[object]], form: str = "") -> Rows:
     """Return texts of cells, empty where nothing is known; ``form``: of floats."""
     return [list(head), *([
         "" if x is None or x != x else format(x, form) if isinstance(x, float) else str(x)
         for x in row] for row in rows)]
 
 
-def read_tables(directory: Path) -> dict[str, Table]:
+def read_tables(directory: Path) -> dict[str, Rows]:
     """Return the tables of a results folder; raises InputError: one cannot be read, or is not
     whole.
     """

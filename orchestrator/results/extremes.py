@@ -160,7 +160,7 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> list[tuple]:
             for p, q, k in np.argwhere(np.isfinite(np.moveaxis(value, 0, -1)))]
 
 
-def largest(rows: Iterable[tuple], quantity: str) -> dict[str, object] | None:
+def peak(rows: Iterable[tuple], quantity: str) -> dict[str, object] | None:
     """Return the largest of all parts: value, at, part, load_step; None where none is known."""
     own = [row for row in rows if row[1:3] == (quantity, ENDS[1])]
     if not own:

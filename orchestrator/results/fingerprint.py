@@ -31,7 +31,7 @@ def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, s
     be resumed with others. So are the places of files: what is in them counts.
     """
     problem: dict[str, str] = {}
-    for key, value in _leaves(config, "", ""):
+    for key, value in _leaves(config, ""):
         file, rest = named(value)
         if file is None:
             problem[key] = json.dumps(value, default=str)
@@ -59,8 +59,7 @@ def digest_of(problem: Mapping[str, str]) -> str:
 
 def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """Say what differs between two problems; of the mesh only where nothing else explains it."""
-    keys = [key for key in (*now, *(key for key in before if key not in now))
-            if before.get(key) != now.get(key)]
+    keys = [key for key in {**now, **before} if before.get(key) != now.get(key)]
     keys = [key for key in keys if not key.endswith(" of the mesh")] or keys
     told = []
     for key in keys:
@@ -77,20 +76,19 @@ def _shown(value: str | None) -> str:
     return "nothing" if value is None else value if len(value) <= _SHORT else f"{value[:_SHORT]}…"
 
 
-def _leaves(value: object, path: str, plain: str) -> Iterator[tuple[str, object]]:
+def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
     """Keys with the places in lists, and what is no mapping or list; numbers of one list are one
     value.
     """
-    if plain in _FREE:
+    if re.sub(r"\[\d+\]", "", path) in _FREE:
         return
     if isinstance(value, Mapping):
         for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else str(key),
-                               f"{plain}.{key}" if plain else str(key))
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, (list, tuple)) and any(isinstance(item, (Mapping, list, tuple, str))
                                                   for item in value):
         for index, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{index}]", plain)
+            yield from _leaves(item, f"{path}[{index}]")
     else:
         yield path, value
 

@@ -22,8 +22,8 @@ from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.met import Met
-from orchestrator.results.answers import Table, read_tables, tables_of
-from orchestrator.results.extremes import extremes, largest
+from orchestrator.results.answers import Rows, read_tables, tables_of
+from orchestrator.results.extremes import extremes, peak
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
@@ -89,7 +89,7 @@ class Solution:
     summary: dict[str, object]
     history: dict[str, np.ndarray]
     fields: Fields | None = None
-    tables: dict[str, Table] = field(default_factory=dict)
+    tables: dict[str, Rows] = field(default_factory=dict)
     directory: Path | None = None
     scene: Scene | None = None
     iterated: Iterated | None = None
@@ -116,8 +116,8 @@ class Solution:
         extreme = extremes(nodal, lost)
         probes = read_probes(scene.probes, nodal, delivered.carried)
         paths = read_paths(scene.probes, nodal)
-        summary = known(summary | {"peak_stress": largest(extreme, "von_mises"),
-                                   "peak_displacement": largest(extreme, "|u|"),
+        summary = known(summary | {"peak_stress": peak(extreme, "von_mises"),
+                                   "peak_displacement": peak(extreme, "|u|"),
                                    "probes": probes, "paths": paths})
         return cls(summary, columns(delivered.iterated.history), fields,
                    tables_of(scene, delivered.resultants, delivered.met, extreme, probes, paths),
