@@ -2,12 +2,12 @@
 
 import os
 import re
-import sys
 
 import pytest
 import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
+from orchestrator.results.figures import figures
 from orchestrator.results.report.report import cited, report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
@@ -51,7 +51,7 @@ def test_a_report_ends_with_what_to_cite_for_what_the_run_used():
 
 
 def test_report_of_a_run_that_failed_early(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[report.__module__], "drawn", lambda draw, *job: draw(*job))  # charts alone: no process for them
+    monkeypatch.setattr(figures, "drawn", lambda draw, *job: draw(*job))  # charts alone: no process for them
     early = {"name": "early", "converged": False, "stop_reason": "interrupted", "iterations": 0, "timing": None}
     Solution(early, {}).write(tmp_path)
     assert "NOT converged" in report(tmp_path).read_text()
@@ -72,7 +72,7 @@ def test_report_of_a_foreign_folder(tmp_path, content):
 
 @pytest.mark.parametrize("table, left", [("extremes.csv", bytes(range(256))), ("extremes.csv", b"part,value\na,1\n")])
 def test_report_of_tables_that_are_not_whole(table, left, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[report.__module__], "drawn", lambda draw, *job: draw(*job))
+    monkeypatch.setattr(figures, "drawn", lambda draw, *job: draw(*job))
     Solution({"name": "cut short", "converged": True, "stop_reason": "converged", "iterations": 1, "timing": None}, {}).write(tmp_path)
     (tmp_path / table).write_bytes(left)
     with pytest.raises(InputError, match=f"{table} cannot be read"):

@@ -25,8 +25,7 @@ from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.method.monitors.criteria import LEAST
 from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
-from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.figures import figures_apart
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import print_summary
@@ -264,10 +263,7 @@ class _Refinement:
         summary = self._told(folder, why)
         if self.config.output.figures:
             written = Solution.read(self.path)
-            try:
-                drawn(write_figures, folder, summary, written.history, written.fields)
-            except CannotDraw:
-                write_figures(folder, summary, written.history)
+            figures_apart(folder, summary, written.history, written.fields)
         if not self.quiet:
             print_summary(summary, self.path, verbose=self.means.verbose)
         return code

@@ -129,5 +129,5 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 def _line(values: Iterable[object]) -> bytes:
     # repr of a Python number is the shortest text that reads back to the same bits
-    texts = [v if isinstance(v, str) else repr(getattr(v, "item", lambda v=v: v)()) for v in values]
+    texts = [v if isinstance(v, str) else repr(np.asarray(v).item()) for v in values]
     return (",".join(texts) + "\n").encode()

@@ -132,12 +132,8 @@ class Manifest:
         return noted, claims
 
     def _lines(self) -> list[dict[str, Any]]:
-        try:
-            texts = self._path.read_bytes().splitlines()
-        except FileNotFoundError:
-            return []
         lines = []
-        for text in texts:
+        for text in self._path.read_bytes().splitlines() if self._path.exists() else ():
             with suppress(ValueError):  # half a line, of a process that was killed
                 lines.append(json.loads(text))
         return [line for line in lines if isinstance(line, dict)]

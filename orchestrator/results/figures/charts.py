@@ -65,7 +65,7 @@ def tolerance(s: View) -> tuple[str, float] | None:
     the summary.
     """
     given = (s.config.get("method") or {}).get("tolerance")
-    for key, value in (given.items() if isinstance(given, Mapping) else ()):
+    for key, value in (given or {}).items():
         if value:
             told = "law residual" if s.status_counts and not s.error_kind else "error bound"
             value = s.tolerance if value == "auto" else value
@@ -78,7 +78,7 @@ def time_per_stage(s: View) -> Figure:
     """Return bars: wall-clock seconds of each stage, and the black box's own seconds by kind of
     work.
     """
-    total, wall = float(s.timing["total"]), s.stages
+    total, wall = s.timing["total"], s.stages
     sections = [(f"wall clock: {total:.2f} s", wall if wall[-1][1] > 0.005 * total else wall[:-1],
                  BLUE)]
     for entry in s.codes or [{"code": "the black box", "seconds": s.blackbox}]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import convergence, time_per_stage
 from orchestrator.results.figures.pictures import compose, deformed, interfaces
 from orchestrator.results.figures.plotting import png
@@ -32,6 +34,17 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object],
             made[draw.__name__] = picture and compose(picture, str(s.name or ""))
     return [folder.write(f"figures/{name}.png", png(figure))
             for name, figure in made.items() if figure is not None]
+
+
+def figures_apart(folder: ResultsFolder, *job: object) -> list[Path]:
+    """Draw as ``write_figures`` does, in a process apart; where that cannot draw, charts alone and
+    a warning.
+    """
+    try:
+        return drawn(write_figures, folder, *job)
+    except CannotDraw as error:
+        print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
+        return write_figures(folder, *job[:2])
 
 
 def warm_up() -> None:

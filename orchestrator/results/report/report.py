@@ -8,7 +8,6 @@ import io
 import json
 import os
 import re
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,8 +15,7 @@ from ruamel.yaml import YAML
 
 from orchestrator.config.method import Method
 from orchestrator.optional import check_there, DRAWING
-from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.figures import figures_apart
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import (
     Marked, heading, page, picture, plain, section, table)
@@ -76,20 +74,16 @@ def report(directory: str | os.PathLike[str]) -> Path:
     for package in DRAWING:
         check_there(package)
     solution, folder = Solution.read(directory), ResultsFolder(directory)
-    summary, history = solution.summary, solution.history
-    try:
-        made = drawn(write_figures, folder, summary, history, solution.fields)
-    except CannotDraw as error:
-        print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
-        made = write_figures(folder, summary, history)
-    there = {path.name for path in made}
+    summary = solution.summary
+    there = {path.name for path in figures_apart(folder, summary, solution.history,
+                                                 solution.fields)}
     first, *others = [picture(f"figures/{file}", text) if file in there else ""
                       for file, text in _PICTURES]
     told = verdict(View(summary)) if solution.converged else [
         f"The run has NOT converged ({solution.stop_reason}): these numbers are of its last state."]
-    rows = [row for row in summary_rows(summary) if row[0] != "verdict"]
     parts = [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), first,
-             table(("", ""), rows), *(part for each in tables(solution) for part in each.markdown),
+             table(("", ""), [row for row in summary_rows(summary) if row[0] != "verdict"]),
+             *(part for each in tables(solution) for part in each.markdown),
              *section("Figures", *others), *_configuration(summary), *cited(summary)]
     text = "\n\n".join(filter(None, parts)) + "\n"
     folder.write("report.html", page(text, folder.path, str(summary.get("name"))))

@@ -127,13 +127,13 @@ class View:
         self.unit = _units((self.config.get("output") or {}).get("units"))
         self.many = steps if (steps := self.load_steps or 1) > 1 else None
         own, total = self.timing.get("blackbox") or {}, self.timing.get("total") or 0.0
-        took = [(label, float(self.timing[stage])) for stage, label in STAGES.items()
+        took = [(label, self.timing[stage]) for stage, label in STAGES.items()
                 if self.timing.get(stage)]
         rest = max(0.0, total - sum(seconds for _, seconds in took))
         self.stages = [*took, ("everything else", rest)]
         self.blackbox = {stage: own[stage] for stage in BLACKBOX_STAGES
                          if own.get(stage) is not None}
-        self.blackbox_seconds = float(sum(self.blackbox.values()))
+        self.blackbox_seconds = sum(self.blackbox.values())
 
 
 def quantities(s: View) -> Iterator[tuple[str, str, str, object]]:
