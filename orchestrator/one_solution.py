@@ -19,7 +19,6 @@ from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver
 from orchestrator.method.delivery.flux import ForceProbes
-from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
@@ -78,13 +77,12 @@ class Solving:
         delivered, setup_sweeps, spent = self._part_solved(part)
         del part, own
         trim()
-        delivered = replace(delivered, interfaces=interfaces_of_all(delivered.interfaces, team))
+        interfaces = interfaces_of_all(delivered.interfaces, team)
         if team.rank:
             return None
         lost = unsound(self.whole, spent)
-        delivered = delivered.without(self.forces, lost)
         with watch("output"):
-            delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
+            delivered = delivered.told(self.whole, interfaces, lost, self.forces.within)
             fields = Fields.of(self.whole, delivered.displacement, delivered.sides,
                                delivered.interfaces, lost)
         if wanted or self.config.output.fields:

@@ -36,7 +36,6 @@ from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.exchange_by_nodes import pair_forces
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.loading import bodies_of
-from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.geometry import areas, node_normals
 from orchestrator.scene.interface import Interface
@@ -158,11 +157,10 @@ class _Surfaces:
         return np.add.reduceat(values, self._starts, axis=1)
 
 
-def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants,
-                team: Team) -> list[dict[str, object]] | None:
+def bolt_forces(scene: Scene, interfaces: InterfaceFields,
+                resultants: Resultants) -> list[dict[str, object]]:
     """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, a
-    point of its cut, and per load step the
-    following; on rank 0, of all ranks' interfaces
+    point of its cut, and per load step the following:
 
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
     - shear, across the axis; bending and torsion, moments about the middle of the section where its
@@ -170,32 +168,27 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultant
     - shortening, a length: how much the cut's sides have gone into each other along the axis
     - state: what its law says it does
     """
-    told, kinds = {}, dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
-    there = {scene.opening[place].index: own
-             for place, own in zip(interfaces.index, interfaces.each())}
-    for number, bolt in enumerate(scene.bolts):
-        if (at := bolt.interface.index) in there:
-            k, own = there[at]
-            area, force, middle = interfaces.area[own], resultants.force[:, at], resultants.centre[
-                at]
-            # the section zigzags along the mesh's faces
-            lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis
-            moment = resultants.moment[:, at] - np.cross(lift, force)
-            along, turning = force @ bolt.axis, moment @ bolt.axis
-            told[number] = {
-                "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
-                "cut": bolt.point.tolist(),
-                "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
-                "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
-                "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(),
-                "torsion": turning.tolist(),
-                "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
-                "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))]
-                          for row in interfaces.status[:, own]]}
-    everyone = team.gather(told)
-    return everyone and [row
-                         for _, row in sorted((item for one in everyone for item in one.items()),
-                                              key=lambda item: item[0])]
+    told, kinds = [], dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
+    there = {i.index: own for i, own in zip(scene.opening, interfaces.each())}
+    for bolt in (one for one in scene.bolts if one.interface.index in there):
+        at = bolt.interface.index
+        k, own = there[at]
+        area, force, middle = interfaces.area[own], resultants.force[:, at], resultants.centre[at]
+        # the section zigzags along the mesh's faces
+        lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis
+        moment = resultants.moment[:, at] - np.cross(lift, force)
+        along, turning = force @ bolt.axis, moment @ bolt.axis
+        told.append({
+            "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
+            "cut": bolt.point.tolist(),
+            "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
+            "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
+            "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(),
+            "torsion": turning.tolist(),
+            "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
+            "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))]
+                      for row in interfaces.status[:, own]]})
+    return told
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ import numpy as np
 
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
@@ -62,40 +61,29 @@ class HandedOver:
     size: np.ndarray
 
 
-def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None,
-            resultants: Resultants,
-            off: tuple[float, float], team: Team) -> list[str]:
-    """Return sentences on what cannot be, the worst first, the same on all ranks, which ask
-    together.
+def checked(scene: Scene, fields: InterfaceFields, resultants: Resultants, off: float,
+            felt: float) -> list[str]:
+    """Return sentences on what cannot be, the worst first.
 
-    interfaces, fields : this rank's that are not perfect, and what is delivered of them
-    off : relative error of forces that the run tells, and all that soles feel
+    fields : of all interfaces that are not perfect
+    off : relative error of forces that the run tells; felt : all that soles feel
     """
-    if fields is None:
-        return []
     own = [handed_over(scene, i, fields, at, resultants)
-           for i, (_, at) in zip(interfaces, fields.each())
+           for i, (_, at) in zip(scene.opening, fields.each())
            # sides that slide on meet where they have moved to
            if i.law.slips and not i.follows]
-    push = (np.maximum(fields.pressure, 0.0) * fields.areas).T
-    most = np.zeros((len(interfaces) + 1, fields.steps))
-    for k, (_, at) in enumerate(fields.each()):
-        most[k] = push[at].sum(axis=0)
-    told = team.gather(([one for one in own if one is not None], most.max(axis=0), _around(scene)))
-    found = None
-    if told is not None:
-        pushes, around = np.max([most for _, most, _ in told],
-                                axis=0), set().union(*(each for *_, each in told))
-        said = [*beyond_friction([one for each, *_ in told for one in each], *off, pushes),
-                *(each for bolt in scene.bolts
-                  for each in back_into_thread(scene, bolt, around, resultants, off[0]))]
-        found = [sentence for _, sentence in sorted(said, reverse=True)]
-    return team.share(found)
+    push = np.maximum(fields.pressure, 0.0) * fields.areas
+    pushes = np.max([push[:, at].sum(axis=1) for _, at in fields.each()], axis=0)
+    around = _around(scene)
+    said = [*beyond_friction([one for one in own if one is not None], off, felt, pushes),
+            *(each for bolt in scene.bolts
+              for each in back_into_thread(scene, bolt, around, resultants, off))]
+    return [sentence for _, sentence in sorted(said, reverse=True)]
 
 
 def _around(scene: Scene) -> set[int]:
-    """Numbers of this rank's perfect interfaces all of whose faces are around the axis of a bolt
-    that they hold.
+    """Numbers of the perfect interfaces all of whose faces are around the axis of a bolt that they
+    hold.
     """
     axes = {e: bolt.axis for bolt in scene.bolts for e in bolt.interface.subdomains}
     found = set()

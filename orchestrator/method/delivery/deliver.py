@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,13 +13,12 @@ from orchestrator.method.delivery.balance import Resultants, carried, interface_
 from orchestrator.method.delivery.checks import checked
 from orchestrator.method.delivery.flux import ForceProbes
 from orchestrator.method.delivery.guards import failed_guards, told_error, with_noise
-from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields
 from orchestrator.method.delivery.lawful import Lawful, Shares, shares
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.met import Met
-from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces,
-                                                   of_all, on_boundary,
+                                                   of_all, on_boundary, on_mesh,
                                                    reactions, recover, repositioned,
                                                    stored_energy)
 from orchestrator.method.delivery.tools import PlacedTool, placed
@@ -28,6 +27,7 @@ from orchestrator.method.stopping.backward import Backward, Solved, backward_err
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
+from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 
@@ -58,10 +58,8 @@ class Delivered:
     # ``lawful``
     parts: Parts
     continuous: Parts  # continuous over perfect interfaces
-    # of the interfaces that are not perfect those whose first side is this rank's; None where all
-    # are
+    # of the interfaces that are not perfect; None where all are
     interfaces: InterfaceFields | None
-    met: Met | None  # all of them, on rank 0
     contact: ContactFound | None  # None where no interface opens
     # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
     reactions: np.ndarray
@@ -69,23 +67,37 @@ class Delivered:
     energy: np.ndarray  # (T,) stored
     # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     joints: Parts
+    # name of a probe of forces → (T, c) what these are
+    carried: Mapping[str, np.ndarray]
+    felt: float  # all forces that soles feel
+    # what rank 0 finds, see ``told``: where sides meet, where rigid tools are
+    met: Met | None = None
+    tools: Sequence[PlacedTool] = ()
     # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     displacement: np.ndarray | None = None
     discretisation: Estimate | None = None  # its estimated error, if asked for
-    moved: Moved | None = None  # how far subdomains have
-    # name of a probe of forces → (T, c) what these are
-    carried: Mapping[str, np.ndarray] = field(default_factory=dict)
-    tools: Sequence[PlacedTool] = ()  # where rigid tools are
 
-    def without(self, wanted: ForceProbes, unsound: Collection[int]) -> Delivered:
-        """The same, but for forces in matter of which stresses are not known: of some
-        subdomains.
+    def told(self, scene: Scene, interfaces: InterfaceFields | None,
+             unsound: Collection[int], within: Mapping[str, np.ndarray]) -> Delivered:
+        """Return it with what rank 0 finds, and checks, of all ranks' fields.
+
+        scene : the whole one
+        interfaces : of all ranks
+        unsound : subdomains of whose matter stresses are not known, and so no forces in it
+        within : name of a probe of forces → subdomains that carry them
         """
-        lost = {name: np.isin(within, list(unsound)).any()
-                for name, within in wanted.within.items()}
-        return replace(self,
-                       carried={name: np.where(lost[name], np.nan, values)
-                                for name, values in self.carried.items()})
+        found, carried, iterated = [], dict(self.carried), self.iterated
+        if interfaces is not None and iterated.converged:
+            found = checked(scene, interfaces, self.resultants, told_error(iterated), self.felt)
+        if found:
+            iterated = replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")
+        for name, those in within.items():
+            if np.isin(those, list(unsound)).any():
+                carried[name] = np.full_like(carried[name], np.nan)
+        return replace(self, iterated=iterated, carried=carried, interfaces=interfaces,
+                       met=Met.of(scene, interfaces, self.resultants),
+                       tools=placed(scene, self.continuous, interfaces),
+                       displacement=on_mesh(scene, self.continuous))
 
     @property
     def sides(self) -> Parts | None:
@@ -96,8 +108,7 @@ class Delivered:
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated,
             watch: Stopwatch,
             wanted: ForceProbes = ForceProbes()) -> Delivered:
-    """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are
-    rank 0's to add.
+    """Recover what is delivered, and judge it; what rank 0 finds of it is its to add.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been
         iterated
@@ -132,33 +143,16 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if lawful is not None:
         parts, f, taken = lawful.parts, lawful.f, lawful.taken
     resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
-    if iterated.converged and contact is not None:
-        iterated = _checked(d, iterated, interfaces, resultants)
+    felt, = d.space.team.sum(np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1))
     # with it the codes' models would stay, and all that was set up
     iterated = replace(iterated, problem=None, between={})
-    moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own],
-                     d.space.team)
-    tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
-    met = Met.of(d.scene, interfaces, resultants, d.space.team)
     energy, joints = stored_energy(d, ours,
                                    iterated.bound.energy), any(
                                        s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, of_all(d, parts), of_all(d, ours),
-                     interfaces and interfaces.numbered(d.scene.number), met, contact,
+                     interfaces and interfaces.numbered(d.scene.number), contact,
                      reactions(d, parts, f, taken), resultants, energy,
-                     of_all(d, joint_forces(d, f)) if joints else [],
-                     carried=through, moved=moved, tools=tools)
-
-
-def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields,
-             resultants: Resultants) -> Iterated:
-    """The same, not converged where what is delivered cannot be."""
-    felt, = d.space.team.sum(np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1))
-    found = checked(d.scene, own_interfaces(d), interfaces, resultants,
-                    (told_error(iterated), felt.max()), d.space.team)
-    if not found:
-        return iterated
-    return replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")
+                     of_all(d, joint_forces(d, f)) if joints else [], through, felt.max())
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths,

@@ -1,4 +1,4 @@
-"""Faces in contact: what they carry of what friction can hold; their points are on whichever rank.
+"""Faces in contact: what they carry of what friction can hold.
 
 With p the pressure, t the friction traction and A the area of a point, r its arm about the centre
 of Σ μ p A, n the plane's normal,
@@ -21,7 +21,6 @@ import numpy as np
 
 from orchestrator.laws.points import Hold, table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
 # Normals whose cosine with their mean is below 1 by more than that are of no plane, and those that
@@ -85,35 +84,30 @@ class Face:
                                        and off <= (1 if self.flat else TURNED) * apart)
 
 
-def contact_faces(scene: Scene, fields: InterfaceFields, team: Team) -> list[Face]:
-    """Each face with Coulomb's friction, and what it carries, of all ranks' interfaces, which ask
-    together; none where there are more
-    than ``MOST``, grains say, of which nobody reads one by one."""
+def contact_faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
+    """Each face with Coulomb's friction, and what it carries; none where there are more than
+    ``MOST``, grains say, of which nobody reads one by one.
+    """
     if sum(i.law.slips for i in scene.interfaces) > MOST:
         return []
     slips = [s for s in table(i.law for i in scene.interfaces)
              if (s.normal, s.tangential) == (Hold.PRESSED, Hold.NEVER)]
-    found = _faces(scene, fields, team)
-    carry(found, fields, slips, team)
+    found = _faces(scene, fields)
+    carry(found, fields, slips)
     return found
 
 
-def _faces(scene: Scene, fields: InterfaceFields, team: Team) -> list[Face]:
+def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
     """Faces of the interfaces whose law slips for a price, pieces put together."""
-    own, bolts = [], {bolt.name: bolt.axis for bolt in scene.bolts}
-    opening = scene.opening
-    for index, (_, at) in zip(fields.index.tolist(), fields.each()):
-        interface = opening[index]
+    found: list[Face] = []
+    bolts, apart = {bolt.name: bolt.axis for bolt in scene.bolts}, APART * 2 * scene.length
+    for interface, (index, at) in zip(scene.opening, fields.each()):
         if not interface.law.slips or at.start == at.stop:
             continue
         bodies = tuple(sorted(scene.subdomains[e].body for e in interface.subdomains))
         kind, axis, through = shape(fields.points[0, at], fields.normal[at], fields.initial_gap[at],
                                     [bolts[body] for body in bodies if body in bolts])
-        own.append(Face(bodies, kind, axis, through, float(interface.law.friction), [index]))
-    found: list[Face] = []
-    apart = APART * 2 * scene.length
-    for face in sorted((face for told in team.all_gather(own) for face in told),
-                       key=lambda face: face.pieces):
+        face = Face(bodies, kind, axis, through, float(interface.law.friction), [index])
         same = next((other for other in found if other.goes_on(face, apart)), None)
         if same is None:
             found.append(face)
@@ -149,73 +143,60 @@ def shape(points: np.ndarray, normal: np.ndarray, gap: np.ndarray,
 
 
 class _Points:
-    """A rank's points of a face: what presses on each (T, n), the friction there (T, n, 3), and how
-    much there could be.
+    """The points of a face: what presses on each (T, n), the friction there (T, n, 3), and how much
+    there could be.
     """
 
     def __init__(self, face: Face, fields: InterfaceFields, own: np.ndarray):
-        self.face, self.at, self.normal, self.status = face, fields.points[0, own], fields.normal[
-            own], fields.status[:, own]
-        self.push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
-        self.drag, self.could = fields.friction_traction[:,
-                                                         own] * fields.areas[:, own,
-                                                                             None], face.friction * self.push
+        self.face, self.at, self.normal = face, fields.points[0, own], fields.normal[own]
+        self.status, area = fields.status[:, own], fields.areas[:, own]
+        self.push = np.maximum(fields.pressure[:, own], 0.0) * area
+        self.drag, self.could = fields.friction_traction[:, own] * area[
+            ..., None], face.friction * self.push
+        self.capacity = self.could.sum(axis=1)
 
-    def sums(self, slips: Sequence[int]) -> np.ndarray:
-        """(T, 12) of the normal force, of that as a vector, of friction, of what it could be, and
-        there as places, and of what sticks.
+    def carries(self, slips: Sequence[int], nothing: float) -> dict[str, np.ndarray]:
+        """Return ``Face.carries``.
+
+        slips : statuses of points that do
+        nothing : a capacity that is none
         """
-        sticking = np.where(np.isin(self.status, slips), 0.0, self.could).sum(axis=1)
-        return np.column_stack([self.push.sum(axis=1), self.push @ self.normal,
-                                self.drag.sum(axis=1), self.could.sum(axis=1),
-                                self.could @ self.at, sticking])
-
-    def ends(self) -> np.ndarray:
-        """(6,) the largest coordinates, and the smallest, with their signs turned."""
-        return np.concatenate([self.at.max(axis=0, initial=-np.inf),
-                               (-self.at).max(axis=0, initial=-np.inf)])
-
-    def turning(self, centre: np.ndarray) -> np.ndarray:
-        """(T, 2) moment about the face's axis through points (T, 3), and the most that friction
-        resists.
-        """
-        arm = self.at - centre[:, None]
-        arm = arm - (arm @ self.face.axis)[:, :, None] * self.face.axis
-        return np.column_stack([np.cross(arm, self.drag).sum(axis=1) @ self.face.axis,
-                                (self.could * np.linalg.norm(arm, axis=2)).sum(axis=1)])
-
-
-def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int], team: Team) -> None:
-    """Enter what faces carry, of all ranks; ``slips``: statuses of points that do."""
-    of = {piece: number for number, face in enumerate(faces) for piece in face.pieces}
-    number = np.array([of.get(index, -1) for index in fields.index.tolist()],
-                      dtype=int)[fields.interface_of_node]
-    own, shape_of = [_Points(face, fields, np.flatnonzero(number == k))
-                     for k, face in enumerate(faces)], (len(faces), fields.steps)
-    (sums,), ends = team.both([np.reshape([points.sums(slips) for points in own], (*shape_of, 12))],
-                              np.ravel([p.ends() for p in own]))
-    normal, capacity, sticks = (sums[..., of] for of in (0, 7, 11))
-    bears, whole, places = sums[..., 1:4], sums[..., 4:7], sums[..., 8:11]
-    # what rounding leaves of an open face holds nothing
-    capacity = np.where(capacity > ROUNDING * capacity.max(initial=0.0), capacity, 0.0)
-    least = np.where(capacity > 0, capacity, np.inf)
-    centres = [at if face.flat else np.tile(face.through, (fields.steps, 1))
-               for face, at in zip(faces, places / least[..., None])]
-    turning, = team.sum(np.reshape([points.turning(centre) for points, centre in zip(own, centres)],
-                                   (*shape_of, 2)))
-    for k, (face, (high, low)) in enumerate(zip(faces, np.reshape(ends, (-1, 2, 3)))):
-        carried, used = np.zeros((2, fields.steps))
+        face, drag = self.face, self.drag.sum(axis=1)
+        capacity, (carried, used) = np.where(self.capacity > nothing, self.capacity,
+                                             0.0), np.zeros((2, len(drag)))
+        least = np.where(capacity > 0, capacity, np.inf)
         if face.flat or face.kind == "round":
-            carried = np.linalg.norm(whole[k],
-                                     axis=1) if face.flat else np.abs(whole[k] @ face.axis)
+            carried = np.linalg.norm(drag, axis=1) if face.flat else np.abs(drag @ face.axis)
+            moment, most = self._turning((self.could @ self.at / least[:, None])[:, None]
+                                         if face.flat else face.through)
             # a point that bears all resists no turn
-            pivot = capacity[k] * (PIVOT * (high + low).max() + ROUNDING
-                                   * np.abs([high, low]).max())
-            moment, most = np.abs(turning[k, :, 0]), turning[k, :, 1]
-            used = np.hypot(carried / least[k], moment
+            pivot = capacity * (PIVOT * np.ptp(self.at, axis=0).max()
+                                + ROUNDING * np.abs(self.at).max())
+            used = np.hypot(carried / least, np.abs(moment)
                             / np.where((most > pivot) & (pivot > 0), most, np.inf))
-        sticking = sticks[k] / least[k]
-        face.carries = {"normal": normal[k], "bears": np.linalg.norm(bears[k], axis=1),
-                        "carried": carried,
-                        "capacity": capacity[k], "used": used, "sticking": sticking,
-                        "slipping": (capacity[k] > 0) & (sticking < STICKS) & (used > USED)}
+        sticking = np.where(np.isin(self.status, slips), 0.0, self.could).sum(axis=1) / least
+        return {"normal": self.push.sum(axis=1),
+                "bears": np.linalg.norm(self.push @ self.normal, axis=1), "carried": carried,
+                "capacity": capacity, "used": used, "sticking": sticking,
+                "slipping": (capacity > 0) & (sticking < STICKS) & (used > USED)}
+
+    def _turning(self, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T,) moment about the face's axis through points (T, 1, 3) or (3,), and (T,) the most
+        that friction resists.
+        """
+        arm = self.at - centre + np.zeros_like(self.drag)
+        arm = arm - (arm @ self.face.axis)[:, :, None] * self.face.axis
+        return (np.cross(arm, self.drag).sum(axis=1) @ self.face.axis,
+                (self.could * np.linalg.norm(arm, axis=2)).sum(axis=1))
+
+
+def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int]) -> None:
+    """Enter what faces carry; ``slips``: statuses of points that do."""
+    of = {piece: number for number, face in enumerate(faces) for piece in face.pieces}
+    number = np.array([of.get(index, -1) for index, _ in fields.each()],
+                      dtype=int)[fields.interface_of_node]
+    own = [_Points(face, fields, np.flatnonzero(number == k)) for k, face in enumerate(faces)]
+    # what rounding leaves of an open face holds nothing
+    nothing = ROUNDING * max((points.capacity.max() for points in own), default=0.0)
+    for face, points in zip(faces, own):
+        face.carries = points.carries(slips, nothing)

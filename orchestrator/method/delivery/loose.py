@@ -28,7 +28,6 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.loading import bodies_of
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
-from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.supports import loose_bodies, Supports, supports_of
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import components
@@ -43,42 +42,36 @@ UNTOLD = 10.0  # relative energy error over law residual, where the former is no
 LIVES = 0.1
 
 
-def held_bodies(scene: Scene, interfaces: InterfaceFields,
-                team: Team) -> tuple[list[list[str]], list[list[str]]]:
+def held_bodies(scene: Scene,
+                interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load
-    step; on rank 0, of all ranks'
-    interfaces, elsewhere none."""
+    step.
+    """
     bodies, body = bodies_of(scene, lambda i: i.law.joins)
     fixed, supports = np.zeros(bodies, bool), supports_of(scene)
     fixed[body[supports.count > 0]] = True
     ends = body[interfaces.subdomains]
     motion = _Motions(supports, body, bodies) if bodies <= MOST_BODIES else None
     detached, weak = [], []
-    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces),
-                                            team)):
+    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces))):
         touching = np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])
-        told = team.gather(
-            (ends[touching], motion.forbidden(interfaces, ends, normal, tangential)[touching]
-             if motion else None))
-        if told is None:
-            continue
-        met = np.concatenate([pairs for pairs, _ in told])
+        met = ends[touching]
         group = components(*met.T, bodies)[1]
-        lost = ~np.isin(group, group[fixed])
-        loose = motion.free(met,
-                            np.concatenate([blocks
-                                            for _, blocks in told])) & ~lost if motion else np.zeros(bodies, bool)
+        lost, loose = ~np.isin(group, group[fixed]), np.zeros(bodies, bool)
+        if motion:
+            forbidden = motion.forbidden(interfaces, ends, normal, tangential)[touching]
+            loose = motion.free(met, forbidden) & ~lost
         for result, chosen in ((detached, lost), (weak, loose)):
             result.append(
                 list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
     return detached, weak
 
 
-def _holding(interfaces: InterfaceFields, statuses: list[Status],
-             team: Team) -> tuple[np.ndarray, np.ndarray]:
+def _holding(interfaces: InterfaceFields,
+             statuses: list[Status]) -> tuple[np.ndarray, np.ndarray]:
     """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
     pressure = interfaces.pressure
-    least = PRESSING * team.max(peak(pressure))[0]
+    least = PRESSING * peak(pressure)
     when = {Hold.NEVER: np.zeros(pressure.shape, bool), Hold.ALWAYS: np.ones(pressure.shape, bool),
             Hold.PRESSED: pressure > least, Hold.PULLED: pressure < -least}
     which = np.searchsorted(statuses, interfaces.status)

@@ -28,7 +28,6 @@ from orchestrator.method.delivery.faces import contact_faces, Face
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.moved import slides
-from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
 
@@ -40,14 +39,14 @@ CARRIES = 0.01
 ALIKE = 1e-9  # of the distance of two points, what rounding makes their first gaps differ by
 
 
-def unresolved(scene: Scene, fields: InterfaceFields, team: Team) -> dict[str, tuple[int, int]]:
+def unresolved(scene: Scene, fields: InterfaceFields) -> dict[str, tuple[int, int]]:
     """Pairs of bodies whose place of contact is not resolved at some load step → how many points
-    carry it at the first such step, from 1,
-    and that step; of all ranks' interfaces."""
+    carry it at the first such step, from 1, and that step.
+    """
     ends, shape = _beside(fields)
     names, number = np.unique([" | ".join(sorted(scene.subdomains[e].body for e in i.subdomains))
                                for i in scene.opening], return_inverse=True)
-    pair = number[fields.index][fields.interface_of_node]
+    pair = number[fields.interface_of_node]
     forces, sums = np.maximum(fields.pressure,
                               0.0) * fields.areas, np.zeros((3, fields.steps, len(names)))
     for t, force in enumerate(forces):
@@ -58,7 +57,7 @@ def unresolved(scene: Scene, fields: InterfaceFields, team: Team) -> dict[str, t
         within[ends[0, border]] = 0.0
         sums[:, t] = [np.bincount(pair, values, len(names))
                       for values in (force, within, force > 0)]
-    (whole, carried, count), found = team.sum(sums)[0], {}
+    (whole, carried, count), found = sums, {}
     for t, k in np.argwhere((whole > CARRIES * whole.max(initial=0.0))
                             & (carried < WITHIN * whole)):
         found.setdefault(str(names[k]), (int(count[t, k]), int(t) + 1))
@@ -110,28 +109,24 @@ class Met:
     unresolved: Mapping[str, tuple[int, int]]
 
     @classmethod
-    def of(cls, scene: Scene, own: InterfaceFields | None, resultants: Resultants,
-           team: Team) -> Met | None:
-        """On rank 0; None elsewhere, and where all interfaces are perfect. All ranks ask together.
+    def of(cls, scene: Scene, fields: InterfaceFields | None, resultants: Resultants) -> Met | None:
+        """Return all of a scene's; None where all interfaces are perfect.
 
-        own : fields of the interfaces whose first side is this rank's, with its part's numbers of
-            nodes
+        fields : of the interfaces that are not
         """
-        if own is None:
+        if fields is None:
             return None
-        told = team.gather((own.index, _rows(scene, own), own.counts))
-        of_all = *held_bodies(scene, own,
-                              team), bolt_forces(scene, own, resultants,
-                                                 team), contact_faces(scene, own, team), unresolved(
-            scene, own, team)
-        if told is None:
-            return None
-        order = np.argsort(np.concatenate([index for index, *_ in told]))
-        rows = {name: np.concatenate([each[name] for _, each, _ in told])[order]
-                for name in told[0][1]}
-        counts = {name: np.sum([each[name] for *_, each in told], axis=0).tolist()
-                  for name in told[0][2]}
-        return cls([i.name for i in scene.opening], *rows.values(), counts, *of_all)
+        opening = scene.opening
+        taken, lost = work(fields, np.array([i.has_history for i in opening], dtype=bool))
+        return cls([i.name for i in opening], fields.resultant.swapaxes(0, 1),
+                   np.maximum.reduceat(fields.pressure, fields.offsets[:-1], axis=1).T,
+                   taken.T, lost.T, *slides(scene, fields),
+                   np.array([_within(scene.mesh.volume[i.cells]) for i in opening], dtype=int),
+                   np.array([np.array_equal(fields.nodes[at], fields.others[at])
+                             for _, at in fields.each()], dtype=bool),
+                   fields.counts, *held_bodies(scene, fields),
+                   bolt_forces(scene, fields, resultants), contact_faces(scene, fields),
+                   unresolved(scene, fields))
 
     @property
     def slides(self) -> dict[str, float]:
@@ -139,21 +134,6 @@ class Met:
         pairs stay as they are.
         """
         return {name: far for name, far in zip(self.names, self.slid.tolist()) if far == far}
-
-
-def _rows(scene: Scene, own: InterfaceFields) -> dict[str, np.ndarray]:
-    """Of each interface of a rank, as of ``Met``."""
-    opening = scene.opening
-    interfaces = [opening[k] for k in own.index]
-    taken, lost = work(own, np.array([i.has_history for i in interfaces], dtype=bool))
-    far, amiss = slides(scene, own, interfaces)
-    return {"resultant": own.resultant.swapaxes(0, 1),
-            "pressure": np.maximum.reduceat(own.pressure, own.offsets[:-1], axis=1).T,
-            "work": taken.T, "dissipation": lost.T, "slid": far, "amiss": amiss,
-            "within": np.array([_within(scene.mesh.volume[i.cells]) for i in interfaces],
-                               dtype=int),
-            "common": np.array([np.array_equal(own.nodes[at], own.others[at])
-                                for _, at in own.each()], dtype=bool)}
 
 
 def _within(sides: np.ndarray) -> int:

@@ -27,7 +27,6 @@ import numpy as np
 from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.rows import peak
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import scalar
 from orchestrator.scene.interfaces.opposite import COINCIDE, Triangles
@@ -35,7 +34,7 @@ from orchestrator.scene.interfaces.overlap import DEEP, Overlap, overlap, Solid,
 from orchestrator.scene.interfaces.skins import SMOOTH, surface_of
 from orchestrator.scene.mesh.geometry import node_vectors, unit
 from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import Scene
 
 @dataclass(frozen=True)
 class Moved:
@@ -48,35 +47,23 @@ class Moved:
     size: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, own: Sequence[Subdomain], sides: Sequence[np.ndarray],
-           team: Team = ALONE) -> Moved:
-        """All ranks ask together.
-
-        own : this rank's subdomains of its part of the scene
-        sides : (T, n_E, 3) displacement of each of them
-        """
-        count, mine, points = len(scene.subdomains), [s.index
-                                                      for s in own], [
-                                                          scene.mesh.nodes[s.nodes] for s in own]
+    def of(cls, scene: Scene, sides: Sequence[np.ndarray]) -> Moved:
+        """Return how far displacements (T, n_E, 3) of each subdomain move them."""
+        points = [scene.mesh.nodes[s.nodes] for s in scene.subdomains]
         body = np.unique([s.body for s in scene.subdomains], return_inverse=True)[1].ravel()
-        sums, moved = np.zeros((count, 4)), np.zeros((2, count))
-        sums[mine] = np.array([[*x.sum(axis=0), len(x)] for x in points]).reshape(-1, 4)
-        moved[0, mine], moved[1, mine] = [peak(u) for u in sides], rotations(points, sides)
-        sums, moved = team.sum(np.stack([np.bincount(body, weights=column) for column in sums.T],
-                                        axis=1), moved)
+        sums = np.array([[*x.sum(axis=0), len(x)] for x in points])
+        sums = np.stack([np.bincount(body, weights=column) for column in sums.T], axis=1)
         centre, far = sums[:, :3] / np.maximum(sums[:, 3:], 1), np.zeros(len(sums))
-        for e, x in zip(mine, points):
-            far[body[e]] = max(far[body[e]], peak(np.linalg.norm(x - centre[body[e]], axis=1)))
-        far = np.array(team.max(*far))
-        return cls(moved[0], moved[1], 2 * np.where(far > 0, far, 1.0)[body])
+        for b, x in zip(body, points):
+            far[b] = max(far[b], peak(np.linalg.norm(x - centre[b], axis=1)))
+        return cls(np.array([peak(u) for u in sides]), rotations(points, sides),
+                   2 * np.where(far > 0, far, 1.0)[body])
 
 
 def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray]) -> np.ndarray:
     """(bodies,) largest rotation, in radians, of the rigid motions that fit displacements (steps,
     n, 3) of points (n, 3) best.
     """
-    if not points:
-        return np.zeros(0)
     counts = np.array([len(p) for p in points])
     starts, member = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
     x, u = np.concatenate(points), np.concatenate(displacements, axis=1)
@@ -177,11 +164,11 @@ def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float],
     return result
 
 
-def slides(scene: Scene, fields: InterfaceFields,
-           interfaces: list[Interface]) -> tuple[np.ndarray, np.ndarray]:
+def slides(scene: Scene, fields: InterfaceFields) -> tuple[np.ndarray, np.ndarray]:
     """(I,) how far sides have slid, in elements, and (I,) what that makes amiss; nan where pairs
-    follow. ``interfaces`` : those of the fields.
+    follow.
     """
+    interfaces = scene.opening
     holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
     slip, (far, amiss) = np.where(holds[..., None], fields.slip,
                                   0.0), np.full((2, len(interfaces)), np.nan)

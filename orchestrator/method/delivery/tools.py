@@ -17,7 +17,6 @@ import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.rows import peak, ratio
-from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
@@ -46,40 +45,31 @@ class PlacedTool:
     passed: tuple[float, int, np.ndarray] | None
 
 
-def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields,
-           interfaces: Sequence[Interface],
-           team: Team) -> list[PlacedTool]:
-    """All tools of a scene; ranks ask together.
+def placed(scene: Scene, sides: Sequence[np.ndarray], fields: InterfaceFields) -> list[PlacedTool]:
+    """Return all tools of a scene.
 
-    own : this rank's subdomains; sides : per subdomain (steps, n_E, 3) displacement, of these at
-        least
-    fields, interfaces : this rank's, and what they are of
+    sides : per subdomain (steps, n_E, 3) displacement
+    fields : of the interfaces that are not perfect
     """
     tools = {i.tool.name: i.tool for i in scene.interfaces if i.tool is not None}
-    return [_placed(scene, own, sides, fields, interfaces, tool, team) for tool in tools.values()]
+    return [_placed(scene, sides, fields, tool) for tool in tools.values()]
 
 
-def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields,
-            interfaces: Sequence[Interface], tool: Rigid, team: Team) -> PlacedTool:
+def _placed(scene: Scene, sides: Sequence[np.ndarray], fields: InterfaceFields,
+            tool: Rigid) -> PlacedTool:
     """One of them."""
-    meeting = [i for i in scene.interfaces if i.tool is not None and i.tool.name == tool.name]
-    touched, moved = {int(scene.mesh.volume[i.cells[0, 0]]) for i in meeting if len(i.cells)}, None
-    for e in [i.subdomains[1] for i in meeting if i.subdomains[1] in own][:1]:
-        nodes = scene.mesh.nodes[scene.subdomains[e].nodes]
-        motions = motions_about(nodes, tool.driven.about, 1.0).reshape(-1, 6)
-        moved = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
-    told = team.all_gather((moved, touched))
-    moved = next(m for m, _ in told if m is not None)
+    meeting = [(i, at) for i, (_, at) in zip(scene.opening, fields.each())
+               if i.tool is not None and i.tool.name == tool.name]
+    e = meeting[0][0].subdomains[1]
+    motions = motions_about(scene.mesh.nodes[scene.subdomains[e].nodes], tool.driven.about,
+                            1.0).reshape(-1, 6)
+    moved = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
     moved = np.where(tool.driven.prescribed, tool.driven.moves, moved)
-    touched, meet = sorted(set().union(*(t for _, t in told))), {i.index for i in meeting}
-    each = [_amiss(scene, i, moved, sides, fields, at)
-            for i, (_, at) in zip(interfaces, fields.each()) if i.index in meet]
-    amiss = max((one for one, _ in each), default=0.0)
-    turned = sum((two for _, two in each), np.zeros((2, scene.steps)))
-    every = team.all_gather((amiss, turned, _passed(scene, own, tool, touched, moved, sides)))
-    deepest = max((at for *_, at in every if at is not None), key=lambda at: at[0], default=None)
-    return PlacedTool(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}),
-                  max(a for a, *_ in every), peak(ratio(*sum(t for _, t, _ in every))), deepest)
+    touched = sorted({int(scene.mesh.volume[i.cells[0, 0]]) for i, _ in meeting if len(i.cells)})
+    amiss, turned = zip(*(_amiss(scene, i, moved, sides, fields, at) for i, at in meeting))
+    return PlacedTool(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}), max(amiss),
+                      peak(ratio(*sum(turned, np.zeros((2, scene.steps))))),
+                      _passed(scene, tool, touched, moved, sides))
 
 
 def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.ndarray],
@@ -109,23 +99,20 @@ def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.nda
     return peak(ratio(off, worth)), force
 
 
-def _passed(scene: Scene, own: Sequence[int], tool: Rigid, touched: Sequence[int],
-            moved: np.ndarray,
+def _passed(scene: Scene, tool: Rigid, touched: Sequence[int], moved: np.ndarray,
             sides: Sequence[np.ndarray]) -> tuple[float, int, np.ndarray] | None:
-    """As of ``PlacedTool``, in own subdomains of some volumes."""
+    """As of ``PlacedTool``, in some volumes."""
     mesh = scene.mesh
     cells = np.flatnonzero(np.isin(mesh.volume, touched))
     faces = faces_of(mesh.cells[cells, :4], len(mesh.nodes))
-    # others' may go on elsewhere
-    outer = faces.outer[np.isin(scene.cell_subdomain[cells[faces.owner[faces.outer]]], own)]
-    outer, size = faces.triangles[outer], np.zeros(len(mesh.nodes))
+    outer, size = faces.triangles[faces.outer], np.zeros(len(mesh.nodes))
     used, local = np.unique(outer, return_inverse=True)
     size[used] = local_size(mesh.nodes[used], local.reshape(outer.shape)) if len(used) else 0.0
     met = [i.global_nodes for i in scene.interfaces if i.tool is not None
            and i.tool.name == tool.name]
     left, worst = np.setdiff1d(used, np.concatenate(met)), None
     for s in np.unique(scene.cell_subdomain[cells]).tolist():
-        at = np.flatnonzero(np.isin(scene.subdomains[s].nodes, left)) if s in own else ()
+        at = np.flatnonzero(np.isin(scene.subdomains[s].nodes, left))
         nodes = scene.subdomains[s].nodes[at]
         for t, move in enumerate(moved if len(at) else ()):
             depth = -tool.at(move, mesh.nodes[nodes] + sides[s][t][at])[0]

@@ -30,20 +30,19 @@ AMISS, TURNED = 0.1, 0.01
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
-             detached: Iterable[list[str]] = (), discretisation_error: float | None = None,
-             moved: Moved | None = None) -> list[str]:
+             detached: Iterable[list[str]] = (),
+             discretisation_error: float | None = None) -> list[str]:
     """Sentences that a reader of the results must know.
 
     sides : per subdomain (steps, n_E, 3) displacement
     met : the interfaces that are not perfect; None where all are
     detached : names per load step; where such bodies are means nothing, so that they are left out
     discretisation_error : estimated, relative, energy norm; None: not known
-    moved : how subdomains have moved; None: it is found from ``sides``
     """
     lost = {name for step in detached for name in step}
     # which may go anywhere
     tools = {i.subdomains[1] for i in scene.interfaces if i.tool is not None}
-    moved = Moved.of(scene, scene.subdomains, sides) if moved is None else moved
+    moved = Moved.of(scene, sides)
     kept = [s for s in scene.subdomains if s.body not in lost and s.index not in tools]
     result = [*scene_cautions(scene)]
     if (error := discretisation_error) is not None and error > COARSE:

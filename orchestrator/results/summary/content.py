@@ -61,8 +61,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
             "shows that it is")
     off, detached = estimated and estimated.relative, contact.get("detached", ())
     warnings += [*sentences(found.get("far_bodies", [])),
-                 *cautions(scene, delivered.sides or delivered.parts, delivered.met, detached, off,
-                           delivered.moved),
+                 *cautions(scene, delivered.sides or delivered.parts, delivered.met, detached, off),
                  *tool_cautions(delivered.tools), *of_unheld(scene, detached)]
     loose = sorted({name for key in ("detached", "weakly_held") for step in contact.get(key, ())
                     for name in step})
