@@ -17,7 +17,6 @@ from orchestrator.config.boundary import Entry
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, some
 from orchestrator.method.checkpoint import Start
-from orchestrator.method.events import Subscriber
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.cautions import FIFTH
 from orchestrator.scene.interfaces.opposite import TOUCHING
@@ -58,13 +57,6 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
                 "loading")
     result.summary["warnings"] = [*told, *result.summary["warnings"], *said]
     return result
-
-
-def without_checkpoints(subscribers: Sequence[Subscriber]) -> list[Subscriber]:
-    """Those who may be told of the second run: what is kept to go on from is of the first one, with
-    other traces.
-    """
-    return [each for each in subscribers if not each.wants_checkpoints]
 
 
 def _slid(config: Config, solution: Solution) -> dict[str, float]:

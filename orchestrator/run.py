@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,6 @@ from orchestrator.compiled import make_ready
 from orchestrator.config.load import Loaded
 from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
-from orchestrator.method.checkpoint import Start
-from orchestrator.method.events import Subscriber
-from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.team import Team
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.figures.artist import artist_for, Artist
@@ -25,8 +22,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.scene.model import Scene
-from orchestrator.solving import Ranks, scene_of, solve
+from orchestrator.solving import announced, Ranks, solve, solved_anew
 from orchestrator.timing import Stopwatch
 
 
@@ -72,18 +68,16 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
         means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
         with closing(Progress(quiet and not means.label, label=means.label)) as progress:
-            progress.stage("meshing")
             _make_ready(folder, config, resume)
-            with watch("mesh"):
-                scene = scene_of(config, means.meshed)
-            progress.made(scene)
+            scene = announced(config, progress, watch, means.meshed)
             with closing(Record(folder, config, scene, watch, artist, resume=resume)) as record:
                 team.share((config, reference))
                 told = [*record.subscribers, progress]
                 solution = solve(config, scene, told, reference=reference, start=record.start,
                                  watch=watch, ranks=means.ranks)
                 if means.judge is None:  # who judges a mesh asks for the energy error
-                    solution = _paired_anew(config, solution, told, record, means)
+                    solution = solved_anew(config, solution, told, watch, means.ranks,
+                                           means.meshed)
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                         solution.joints, folder.of_part)
@@ -106,28 +100,6 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
         make_ready()
     if not resume:
         begun(folder)
-
-
-def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record,
-                 means: Means) -> Solution:
-    """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks
-    solve with this one.
-    """
-    ranks, progress = means.ranks, told[-1]
-
-    def built(config: Config) -> Scene:
-        progress.stage("pairing sides anew")
-        with record.watch("mesh"):
-            scene = scene_of(config, means.meshed)
-        progress.made(scene)
-        return scene
-
-    def again(config: Config, scene: Scene, start: Start) -> Solution:
-        ranks.team.share((config, False))
-        return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch,
-                     ranks=ranks)
-
-    return paired_anew(config, first, built, again)
 
 
 def follow(team: Team) -> int:

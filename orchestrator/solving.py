@@ -11,9 +11,9 @@ from orchestrator.config.model import Config
 from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber, Subscribers
-from orchestrator.one_solution import Ranks, Solving
+from orchestrator.one_solution import OneSolution, Ranks
 from orchestrator.optional import check_there
-from orchestrator.paired_anew import paired_anew, without_checkpoints
+from orchestrator.paired_anew import paired_anew
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys
 from orchestrator.results.solution import Solution
@@ -61,39 +61,50 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     >>> print(f"{moved:.7f}, held by {held:.6f}")
     0.0002000, held by -10.000000
     """
-    watch = watch or Stopwatch()
-    solution = _solved(config, scene, subscribers, reference, start, watch, ranks)
-    if scene is not None or ranks.team.size > 1:
-        return solution
-
-    def again(config: Config, scene: Scene, start: Start) -> Solution:
-        return _solved(config, scene, without_checkpoints(subscribers), False, start, watch, ranks)
-
-    return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True),
-                       again)
-
-
-def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool,
-            start: Start | None, watch: Stopwatch, ranks: Ranks) -> Solution | None:
-    """Return one solution, with pairs as the configuration has them; parameters as for
-    ``solve``.
-    """
-    told, team = Subscribers(subscribers), ranks.team
+    told, watch, team = Subscribers(subscribers), watch or Stopwatch(), ranks.team
     try:
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on",
                         "orchestrator run, which solves on several", "remove accuracy here")
         if not all(entry.kind.perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
-        if team.share(scene is None):
-            told.stage("meshing")
-            with watch("mesh"):
-                scene = None if ranks.team.rank else scene_of(config)
+        if anew := team.share(scene is None):
+            scene = None if team.rank else announced(config, told, watch)
         with by_keys():
-            return Solving(config, scene, told, start, watch, ranks, reference).solution()
+            solution = OneSolution(config, told, start, watch, ranks, reference).of(scene)
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
+    if not anew or team.size > 1:
+        return solution
+    return solved_anew(config, solution, subscribers, watch, ranks)
+
+
+def solved_anew(config: Config, first: Solution, subscribers: Sequence[Subscriber],
+                watch: Stopwatch, ranks: Ranks, meshed: Meshed | None = None) -> Solution:
+    """Return a first solution, or the one with sides paired anew that have slid, see
+    ``paired_anew``; the other ranks ``run.follow``. Parameters as for ``solve`` and ``scene_of``.
+    """
+    # what is kept to go on from is of the first run: its traces are others
+    told = [each for each in subscribers if not each.wants_checkpoints]
+
+    def again(config: Config, scene: Scene, start: Start) -> Solution:
+        ranks.team.share((config, False))
+        return solve(config, scene, told, start=start, watch=watch, ranks=ranks)
+
+    return paired_anew(config, first,
+                       lambda config: announced(config, Subscribers(subscribers), watch, meshed,
+                                                "pairing sides anew"), again)
+
+
+def announced(config: Config, told: Subscribers, watch: Stopwatch, meshed: Meshed | None = None,
+              stage: str = "meshing") -> Scene:
+    """Return ``scene_of`` a configuration; subscribers are told."""
+    told.stage(stage)
+    with watch("mesh"):
+        scene = scene_of(config, meshed)
+    told.made(scene)
+    return scene
 
 
 def scene_of(config: Config, meshed: Meshed | None = None) -> Scene:

@@ -59,7 +59,7 @@ def delivered(name, error=ROUGH):
             patch.setattr(module, "CLOSELY", 1e-18)
         d = prepared(made, scene, blackbox)
         iterated = iterate(d, made.method, [], Stopwatch())
-        return d, iterated, deliver(d, d, load_cases(scene, made.method.skip), iterated, Stopwatch())
+        return d, iterated, deliver(d, load_cases(scene, made.method.skip), iterated, Stopwatch())
 
 
 @pytest.mark.parametrize("name", quick(SCENES, QUICK))

@@ -109,7 +109,7 @@ def test_the_error_is_bounded_without_friction(name):
         assert np.isfinite(bound.relative) and bound.guaranteed
         if true.max() > NOISE:
             ratios.append(bound.relative / true.max())
-            assert (bound.errors / bound.size >= true)[true > NOISE].all()  # in every load step
+            assert (bound.steps / bound.size >= true)[true > NOISE].all()  # in every load step
     assert ratios and min(ratios) >= 1 and max(ratios) <= 6
 
 

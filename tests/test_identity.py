@@ -120,4 +120,4 @@ def test_what_the_error_consists_of(name, monkeypatch):
     scene = build_scene(made)
     d, found = certified(scene, made, every=ITERATIONS, most=ITERATIONS)
     bound, v = found[0]
-    hold_equal(scene, v, lambda exact: at_pairs(d, bound.pair.forces, exact), bound.errors, bound.factor)
+    hold_equal(scene, v, lambda exact: at_pairs(d, bound.pair.forces, exact), bound.steps, bound.factor)

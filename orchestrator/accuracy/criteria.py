@@ -41,7 +41,7 @@ import numpy as np
 
 from orchestrator.accuracy.measured import FORESEEN, TRUSTED
 from orchestrator.accuracy.passes import Pass, Peak
-from orchestrator.method.stopping.discretisation import Estimate
+from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.results.extremes import STRESS
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import numbers_of, View
@@ -102,7 +102,7 @@ class Criterion:
         return math.hypot(mesh, self.iterations) if self.legs else mesh + self.iterations
 
 
-def criterion(solution: Solution, found: Estimate, share: float | None, measurable: bool,
+def criterion(solution: Solution, found: ErrorEstimate, share: float | None, measurable: bool,
               asked: float) -> Criterion:
     """Return the criterion of a solution.
 

@@ -52,7 +52,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from orchestrator.method.stopping.discretisation import Estimate, Estimator
+from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.mesh import Mesh
@@ -164,7 +165,7 @@ class Energies:
     solved: Stressed | None
 
 
-def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energies | None:
+def energies(solution: Solution, estimator: Estimator, found: ErrorEstimate) -> Energies | None:
     """Return what the next solution's estimate can be measured by; None where matter is nonlinear,
     or the
     iterations' error not known.

@@ -16,9 +16,10 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Carried, Loading, RimStiffness
 from orchestrator.method.linear.stage import Admissible, LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
-from orchestrator.method.stopping.bound import Bound, ErrorBound
+from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -112,7 +113,7 @@ class Decomposition:
         """Fields of the linear stage with what the coarse contact problem adds to them."""
         return fields if self.coarse is None else self.coarse(fields)
 
-    def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
+    def bounded(self, fields: Admissible, known: Judged | None = None) -> Judged:
         """Energy, continuity and error bound of fields; where laws are not perfect and none is
         asked for no bound.
 
@@ -132,7 +133,7 @@ class Decomposition:
         still = np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes)))
         if known is not None:  # there are no admissible fields: what is delivered is as it is
             return replace(known, energy=energy, repositioned=still, correction=delta)
-        return Bound(np.nan, np.nan, energy, still, delta)
+        return Judged("", np.nan, np.nan, None, 1.0, np.nan, energy, still, delta)
 
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
         """The point that the acceleration takes in: where matter is nonlinear the state that was
@@ -141,7 +142,7 @@ class Decomposition:
         return fields if self.nonlinear is None else replace(fields, s=s)
 
     def batch(self, steps: slice | np.ndarray, before: History | None = None,
-              bound: Bound | None = None) -> Decomposition:
+              bound: Judged | None = None) -> Decomposition:
         """The decomposition for some of the load steps.
 
         before, bound : what the step before has left, and how those before ended; None at the start

@@ -146,6 +146,9 @@ class Subscriber:
         factorising".
         """
 
+    def made(self, scene: object) -> None:
+        """The scene is made that is solved."""
+
     def working(self, usage: object) -> None:
         """A black box begins its work: ``usage.doing`` says how far it is, in any thread."""
 
@@ -181,5 +184,5 @@ class Subscribers(Subscriber):
     def __init__(self, subscribers: Iterable[Subscriber] = ()):
         self.all = list(subscribers)
 
-    stage, working, iteration, warned, finished, failed = map(
-        _to_all, ("stage", "working", "iteration", "warned", "finished", "failed"))
+    stage, made, working, iteration, warned, finished, failed = map(
+        _to_all, ("stage", "made", "working", "iteration", "warned", "finished", "failed"))

@@ -19,7 +19,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.loading import Loading, apply_loads, partway
-from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.scene.model import Scene
 
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
@@ -57,11 +57,12 @@ class Increment:
         return both if middle - self.begin >= LEAST else []
 
 
-def increments_of(steps: int, perfect: bool, method, one_by_one: bool = False) -> list[Increment]:
-    """Increments of load steps that are solved together; parameters as for
-    ``increments.check_iterations``.
+def increments_of(steps: int, scene: Scene, method) -> list[Increment]:
+    """Return so many load steps in increments that are solved together: one by one where matter
+    remembers them, or sides are paired anew as they slide.
     """
-    if perfect and not one_by_one:
+    one_by_one = scene.remembers or any(i.follows for i in scene.interfaces)
+    if scene.bonded and not one_by_one:
         return [Increment(slice(0, steps))]
     size = 1 if one_by_one else method.increment
     if size == "auto":
@@ -90,7 +91,7 @@ def proportional(d: Decomposition) -> bool:
 
 
 def part_of(d: Decomposition, part: Increment, before: History | None,
-            bound: Bound | None) -> Decomposition:
+            bound: Judged | None) -> Decomposition:
     """The decomposition for a part of one of its load steps; ``before`` and ``bound`` as for
     ``Decomposition.batch``.
     """

@@ -26,6 +26,7 @@ from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, Evaluation, monitors_of
 from orchestrator.method.monitors.ending import HELD
+from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 # An increment does not settle whose law residual has not fallen to such a share of its least in so
@@ -82,8 +83,7 @@ class _Run:
         self.d, self.method, self.watch, self.numbers, self.start, self.given = d, method, watch, numbers, start, given
         self.state = np.zeros(
             (d.steps, d.space.size)) if start.state is None else start.state.copy()
-        self.increments = increments_of(d.steps, d.all_perfect, method,
-                                        bool(d.nonlinear or d.following))
+        self.increments = increments_of(d.steps, d.scene, method)
         known = [*start.ended, *start.latest[-1:]]
         for number, kept in enumerate(known):
             self._split_as(number, kept)
@@ -275,13 +275,11 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
             return now.best.s
 
 
-def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
+def check_iterations(steps: int, scene: Scene, method) -> None:
     """Every increment of load steps needs an iteration for its fields.
 
-    one_by_one : whether load steps follow each other because matter is nonlinear, or sides are
-        paired anew as they slide
     Raises Refusal: that is more than ``method.max_iterations``
     """
-    count = len(increments_of(steps, perfect, method, one_by_one))
+    count = len(increments_of(steps, scene, method))
     if count > method.max_iterations:
         raise Refusal("too few iterations", allowed=method.max_iterations, count=count)

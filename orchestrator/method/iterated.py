@@ -21,8 +21,7 @@ from orchestrator.method.latin import Latin
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Evaluation
-from orchestrator.method.stopping.bound import Bound
-from orchestrator.method.stopping.certificate import Certified
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
 
@@ -50,7 +49,7 @@ class Iterated:
 
     fields: Admissible
     local: LocalState
-    bound: Bound
+    bound: Judged
     converged: bool
     stop_reason: str
     iterations: int
@@ -80,7 +79,7 @@ class Iterated:
             whole.append(x)
             begins[step] = x.problem.local.before
             step += len(x.fields.s)
-        bound = type(whole[0].bound).joined([x.bound for x in whole])
+        bound = Judged.joined([x.bound for x in whole])
         if between:
             bound = replace(bound,
                             relative=float(
@@ -97,7 +96,7 @@ class Iterated:
         """The state that the next load step begins with: where an energy error is known the
         displacements that it is measured with, lest
         the next step's be measured from another beginning than it is solved with."""
-        if isinstance(self.bound, Certified) and not self.bound.pair.missing:
+        if self.bound.pair is not None and not self.bound.pair.missing:
             # points of perfect interfaces come last
             return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))
         return self.local.left()
@@ -136,7 +135,7 @@ def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
 
 def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: tuple[bool, str],
               history: list[Iteration],
-              known: Bound | None = None) -> Iterated:
+              known: Judged | None = None) -> Iterated:
     """Result of an increment's iterations.
 
     end : fields, local stage and event
@@ -241,6 +240,7 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
     if not cases.left_out:
         return iterated
     fields = iterated.fields.combined(cases.weights)
-    bound = replace(d.bound.first(fields)[0], relative=iterated.bound.relative)
+    bound = replace(d.bound.first(fields)[0], relative=iterated.bound.relative,
+                    steps=iterated.bound.steps)
     return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s),
                    bound=bound)

@@ -25,7 +25,7 @@ from orchestrator.method.delivery.tools import PlacedTool, placed
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
-from orchestrator.method.stopping.discretisation import Estimate
+from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -75,7 +75,7 @@ class Delivered:
     tools: Sequence[PlacedTool] = ()
     # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     displacement: np.ndarray | None = None
-    discretisation: Estimate | None = None  # its estimated error, if asked for
+    discretisation: ErrorEstimate | None = None  # its estimated error, if asked for
 
     def told(self, scene: Scene, interfaces: InterfaceFields | None,
              unsound: Collection[int], within: Mapping[str, np.ndarray]) -> Delivered:
@@ -105,18 +105,21 @@ class Delivered:
         return self.contact and self.continuous
 
 
-def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated,
-            watch: Stopwatch,
+def deliver(d: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
             wanted: ForceProbes = ForceProbes()) -> Delivered:
     """Recover what is delivered, and judge it; what rank 0 finds of it is its to add.
 
-    d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been
-        iterated
+    d : the decomposition for all load steps
+    cases : those that have been iterated
     wanted : forces that probes ask for
     """
+    if d.nonlinear is not None:  # under the pseudo-loads that matter has by now
+        d = d.reloaded()
+        iterated = replace(iterated, bound=d.bounded(iterated.fields))
     with watch("linear_stage"):
         ours, parts = ([part if part is None else cases.all_steps(part) for part in each]
-                       for each in recover(chosen, iterated.fields, iterated.bound))
+                       for each in recover(iterated.problem if cases.left_out else d,
+                                           iterated.fields, iterated.bound))
         iterated = expanded(d, iterated, cases)
     contact = lengths = None
     with watch("bound"):

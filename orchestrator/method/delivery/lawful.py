@@ -26,9 +26,10 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import answered, on_boundary, Parts
 from orchestrator.method.interface.rows import ColumnSegments, dots, times
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.bound import ROUNDING, relative
-from orchestrator.method.stopping.certificate import Certificate, Certified, Pair
+from orchestrator.method.stopping.bound import ROUNDING
+from orchestrator.method.stopping.certificate import Certificate, Pair
 from orchestrator.method.stopping.dual_energy import CLOSELY, LEFT, Enough, dual_energy
+from orchestrator.method.stopping.error_estimate import Judged, relative
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 
 HELD = 1e-10  # singular value of held rigid motions, over the largest, that counts as none
@@ -77,7 +78,7 @@ class Lawful:
         return cls(bound.pair, bound.correction, h, x, own, f, _taken(d, rest))
 
 
-def _answered(certificate: Certificate, bound: Certified, h: np.ndarray) -> np.ndarray | None:
+def _answered(certificate: Certificate, bound: Judged, h: np.ndarray) -> np.ndarray | None:
     """(T, B) S⁺h, closely if that is possible; None where it is not known."""
     delta = bound.correction
     rest, gap = certificate.space.team.sum(

@@ -26,7 +26,6 @@ from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.loading import bodies_of
-from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.scene.conditions.supports import loose_bodies, Supports, supports_of
 from orchestrator.scene.conditions.rigid import motions_about
@@ -187,8 +186,8 @@ def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws
     if not lengths.loose.any():
         return None
     bound = iterated.bound
-    if isinstance(bound, Certified) and np.isfinite(bound.errors).all():
-        error = np.maximum.accumulate(bound.errors)
+    if bound.pair is not None and np.isfinite(bound.steps).all():
+        error = np.maximum.accumulate(bound.steps)
     else:
         error = np.full(d.steps, UNTOLD * laws.largest
                         * float(np.sqrt(bound.energy.max(initial=0.0))))

@@ -24,14 +24,14 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import bounds_of
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.scene.loads.temperature import strained_energy, thermal_loads
 from orchestrator.scene.model import Scene
 
 Parts = list[np.ndarray | None]  # per subdomain of the scene (T, n_E, 3); None for other ranks'
 
 
-def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[Parts, Parts]:
+def recover(d: Decomposition, fields: Admissible, bound: Judged) -> tuple[Parts, Parts]:
     """u_D, continuous over perfect interfaces, and the same before averaging, in equilibrium with
     the interface forces.
 
@@ -61,7 +61,7 @@ def answered(d: Decomposition, boundary: np.ndarray,
             for e, s in enumerate(d.own)]
 
 
-def repositioned(d: Decomposition, bound: Bound) -> list[np.ndarray]:
+def repositioned(d: Decomposition, bound: Judged) -> list[np.ndarray]:
     """Per own subdomain (T, 3 n_E) the rigid motion that the bound has found for it."""
     ends = bounds_of([modes.shape[1] for modes in d.made.modes])
     return [bound.repositioned[:, a:b] @ modes.T
@@ -77,7 +77,7 @@ def on_boundary(d: Decomposition, own: Sequence[np.ndarray], steps: int) -> np.n
          *(u.reshape(steps, -1)[:, trace] for u, trace in zip(own, d.made.traces))])
 
 
-def continuous(d: Decomposition, bound: Bound, parts: Parts) -> Parts:
+def continuous(d: Decomposition, bound: Judged, parts: Parts) -> Parts:
     """Recovered displacements, made continuous over perfect interfaces."""
     result: Parts = [None] * len(parts)
     for s, trace, boundary in zip(d.own, d.made.traces, d.space.boundary):

@@ -17,6 +17,7 @@ the operators.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,7 +33,7 @@ from orchestrator.method.sparse.symmetric import factorise
 from orchestrator.method.interface.rows import peak, unit_rows
 from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.scene.model import Scene
@@ -62,19 +63,15 @@ class Reference:
         return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(peak(gap)))
 
 
-def check_reference(scene: Scene) -> None:
-    """Raises ``Refusal`` where the undecomposed solution is that of another problem."""
-    if not scene.bonded:
-        raise Refusal("no undecomposed solution")
-
-
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
     """Solve all load steps without decomposition; where interfaces join nodes that are no common
     ones, with their operators.
 
     Raises BlackBoxError: from the code, also when memory runs out
-    Raises Refusal: sides that cannot come together
+    Raises Refusal: interfaces that are not perfect, or sides that cannot come together
     """
+    if not scene.bonded:
+        raise Refusal("no undecomposed solution")
     stiffness = blackbox.stiffness([whole_model(scene)])[0]
     joined = _constraints(scene)
     displacement = _constrained(scene, stiffness,
@@ -142,55 +139,44 @@ def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:
     return np.maximum(np.sum(flat * (stiffness @ flat), axis=0), 0.0)
 
 
-class TrueError:
-    """The true error of what would be delivered, shared with all ranks; one back-substitution per
-    subdomain and load step.
+class WholeErrors:
+    """Errors of what would be delivered that rank 0 alone can tell, of the whole scene; all ranks
+    ask together, and get the same. One back-substitution per subdomain and load step each.
 
-    d : the decomposition that is iterated
-    scene, exact : the whole one, and its undecomposed solution, on rank 0
-    cases : how all load steps follow from its own
-
-    asked : seconds that the black box has been asked for it
-    """
-
-    def __init__(self, d: Decomposition, scene: Scene | None, cases: LoadCases,
-                 exact: Reference | None, watch: Stopwatch):
-        self.d, self.scene, self.cases, self.exact, self.watch = d, scene, cases, exact, watch
-        self.asked = 0.0
-
-    def __call__(self, fields: Admissible, bound: Bound) -> float:
-        asked = self.d.blackbox.usage.asked
-        with self.watch("reference"):
-            found = of_all(self.d, recover(self.d, fields, bound)[0])
-            error = self.d.space.team.share(self.exact and self.exact.relative_error(
-                self.cases.all_steps(on_mesh(self.scene, found))))
-        self.asked += self.d.blackbox.usage.asked - asked
-        return error
-
-
-class DiscretisationEstimate:
-    """The estimated discretisation error of what would be delivered; one process prepares that when
-    first asked.
-
-    scene : the whole one, of four-node or ten-node tets
+    scene : the whole one, on rank 0
     cases : how all load steps follow from those that are solved
+    exact : the undecomposed solution, on rank 0 where it is asked for
+
+    asked : seconds that the black box has been asked for the true error
     """
 
-    def __init__(self, scene: Scene | None, cases: LoadCases):
-        self.scene, self.cases = scene, cases
+    def __init__(self, scene: Scene | None, cases: LoadCases, exact: Reference | None,
+                 watch: Stopwatch):
+        self.scene, self.cases, self.exact, self.watch, self.asked = scene, cases, exact, watch, 0.0
 
     @cached_property
     def estimator(self) -> Estimator:
+        """The estimate of the mesh's error, prepared when first asked."""
         return estimator_of(self.scene)
 
-    def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
-        """Relative, energy norm, the same on all ranks; one back-substitution per subdomain and
-        load step.
-        """
-        parts, numbers = recover(d, fields,
-                                 bound)[0], None if d.all_perfect else d.local.pairs.numbers
+    def given(self, exact: bool) -> dict[str, Callable[..., float]]:
+        """Return what monitors ask, by their names; ``exact``: the true error as well."""
+        return {"estimate": self.of_mesh} | ({"true_error": self.true} if exact else {})
+
+    def true(self, d: Decomposition, fields: Admissible, bound: Judged) -> float:
+        """Return the true error, relative, energy norm."""
+        asked = d.blackbox.usage.asked
+        with self.watch("reference"):
+            found = of_all(d, recover(d, fields, bound)[0])
+            error = d.space.team.share(self.exact and self.exact.relative_error(
+                self.cases.all_steps(on_mesh(self.scene, found))))
+        self.asked += d.blackbox.usage.asked - asked
+        return error
+
+    def of_mesh(self, d: Decomposition, fields: Admissible, bound: Judged) -> float:
+        """Return the estimated discretisation error, relative, energy norm."""
+        found, team = of_all(d, recover(d, fields, bound)[0]), d.space.team
         # with contact, the steps left out are smaller than those they follow from
-        if d.all_perfect:
-            parts = [u if u is None else self.cases.all_steps(u) for u in parts]
-        every, team = of_all(d, parts), d.space.team
-        return team.share(None if team.rank else self.estimator(every, numbers).relative)
+        numbers = None if d.all_perfect else d.local.pairs.numbers
+        return team.share(None if team.rank else self.estimator(
+            [self.cases.all_steps(u) for u in found], numbers).relative)

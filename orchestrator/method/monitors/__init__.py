@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
-from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.method.stopping.indicator import Measures
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale, Lengths
 from orchestrator.registry import MONITORS
@@ -55,7 +55,7 @@ class Verdict:
     anew: bool = False
     excess: float = 0.0
     measure: float = math.nan
-    bound: Bound | None = None
+    bound: Judged | None = None
     laws: LawResiduals | None = None
     lengths: Lengths | None = None
     target: tuple[str, float] = ("", math.nan)

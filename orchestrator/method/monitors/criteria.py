@@ -91,7 +91,7 @@ class BondedCriterion(Criterion):
             name, measure = "indicator", now.measures.indicator
         told = {"error_bound": bound.relative}
         if true_error := self.case.given.get("true_error"):
-            told["true_error"] = true_error(now.best, bound)
+            told["true_error"] = true_error(now.problem, now.best, bound)
         return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound,
                        target=(name, self.case.value), sweeps=bound.sweeps, told=told)
 

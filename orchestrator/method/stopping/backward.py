@@ -31,8 +31,9 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import ROUNDING
-from orchestrator.method.stopping.certificate import Certificate, Certified
+from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.dual_energy import CLOSELY, Enough, dual_energy
+from orchestrator.method.stopping.error_estimate import Judged
 
 # of the largest force: what a jump is improved to, and what is a law's to rounding
 EXACT, LAWFUL = 1e-13, 1e-12
@@ -70,7 +71,7 @@ class Solved:
     """
 
     certificate: Certificate
-    bound: Certified
+    bound: Judged
     fields: Admissible
     u: np.ndarray
     x: np.ndarray | None = None

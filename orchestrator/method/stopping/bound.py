@@ -19,9 +19,9 @@ to leave may be less than soft fields of a body, or of a matter in it, still add
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -35,41 +35,9 @@ from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, NodeBalancing, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
+from orchestrator.method.stopping.error_estimate import Judged, relative
 from orchestrator.method.stopping.known_answers import KnownAnswers
 from orchestrator.method.stopping.softest import BesideRigid, softest
-
-
-@dataclass(frozen=True)
-class Bound:
-    """Bound on one linear stage's error, all load steps together.
-
-    relative : bound on max_t ‖u_D − u_exact‖_K / max_t ‖u_exact‖_K; nan when only ``a`` is known
-    a : the displacement part alone, relative
-    energy : (T,) ‖u_D‖²_K
-    repositioned : (T, modes) rigid motions c of the floating subdomains
-    correction : (T, B) δ, what brings u + R c to u_D on the boundary dofs
-    sweeps : back-substitutions spent per subdomain and load step, those for the softness with the
-        first that needs it
-    least : of a bound that is larger than what was asked about, and therefore not known (infinite),
-        what it is at least
-    """
-
-    relative: float
-    a: float
-    energy: np.ndarray
-    repositioned: np.ndarray
-    correction: np.ndarray
-    sweeps: float = 0.0
-    least: float = 0.0
-
-    @classmethod
-    def joined(cls, batches: Sequence[Bound]) -> Bound:
-        """Return what is known of all load steps from batches of them, in order; no bound holds for
-        all.
-        """
-        return cls(np.nan, np.nan, np.concatenate([b.energy for b in batches]),
-                   *(np.vstack([getattr(b, name) for b in batches])
-                     for name in ("repositioned", "correction")))
 
 
 class ErrorBound:
@@ -118,19 +86,20 @@ class ErrorBound:
         wider.weights = np.abs(weights)
         return wider
 
-    def first(self, fields: Admissible) -> tuple[Bound, np.ndarray, np.ndarray]:
+    def first(self, fields: Admissible) -> tuple[Judged, np.ndarray, np.ndarray]:
         """Return what is known without back-substitutions; u + R c (T, B); and a² (T,)."""
         c = self.balance.reposition(fields.extended[0])
         u = fields.u + self.modes.moved(c)
         delta = self.continuity(u, self.stage.loading.known)
         a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external,
                                                        fields, delta))
-        a = relative(self._largest(a2), self.stage.loading.size(energy))
-        return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
+        size = self.stage.loading.size(energy)
+        return Judged("bound", np.nan, 1.0, None, size, relative(self._largest(a2), size), energy,
+                      c[:, self.modes.own], delta), u, a2
 
     def __call__(self, fields: Admissible, useful: float = np.inf,
-                 known: tuple[Bound, np.ndarray, np.ndarray] | None = None,
-                 asked: float = 0.0) -> Bound:
+                 known: tuple[Judged, np.ndarray, np.ndarray] | None = None,
+                 asked: float = 0.0) -> Judged:
         """Evaluate the bound of a linear stage.
 
         useful : a bound above it need not be known: it is infinite then, and ``least`` what has
@@ -143,7 +112,7 @@ class ErrorBound:
         change, balanced = self.balance(fields.extended[1], w)
         if not balanced:  # no energy belongs to such forces, and nothing is reached from below
             return replace(bound, relative=np.inf)
-        h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
+        h, size = self.space.loads(change), bound.size
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
         enough, solved = Enough((ROUNDING * size) ** 2,
@@ -157,7 +126,7 @@ class ErrorBound:
         sweeps = (self.stage.blackbox.solved - solved) / len(h)
         if reached.least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
-        return replace(bound, relative=found, sweeps=sweeps)
+        return replace(bound, relative=found, steps=self._errors(rest + dual.energy), sweeps=sweeps)
 
     def _relative(self, squares: np.ndarray, size: float) -> float:
         return relative(self._largest(squares), size) + self.floor
@@ -170,10 +139,13 @@ class ErrorBound:
         most = 1.0 if self.weights is None else float(self.weights.sum(axis=0).max())
         return size / (1 + 1 / left) / most if left and most else 0.0
 
-    def _largest(self, squares: np.ndarray) -> float:
-        """The largest error of all steps from the squared errors (T,) of those at hand."""
+    def _errors(self, squares: np.ndarray) -> np.ndarray:
+        """(T,) errors of all steps from the squared errors of those at hand."""
         errors = np.sqrt(np.maximum(squares, 0.0))
-        return peak(errors if self.weights is None else errors @ self.weights)
+        return errors if self.weights is None else errors @ self.weights
+
+    def _largest(self, squares: np.ndarray) -> float:
+        return peak(self._errors(squares))
 
 
 def moved_energy(stage: LinearStage, stiffness: Blocks, external: np.ndarray, fields: Admissible,
@@ -204,14 +176,3 @@ class Reached:
     def __call__(self, squares: np.ndarray) -> bool:
         self.least = relative(self.error(squares), self.size)
         return self.least > self.useful
-
-
-def relative(error: float, size: float) -> float:
-    """error / ‖u_exact‖, with ‖u_exact‖ ≥ ‖u_D‖ − error: infinite while the error is that large.
-
-    What rounding may add is part of it, so that no tolerance below ``ROUNDING`` is ever reported as
-    met.
-    """
-    if error == 0:
-        return 0.0
-    return float(np.hypot(error / (size - error), ROUNDING)) if size > error else np.inf

@@ -40,9 +40,10 @@ from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
-from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, moved_energy, relative
+from orchestrator.method.stopping.bound import ROUNDING, Reached, moved_energy
 from orchestrator.method.stopping.continuity import Continuity
-from orchestrator.method.stopping.dual_energy import Dual, Enough, dual_energy
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
+from orchestrator.method.stopping.error_estimate import Judged, relative
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 from orchestrator.scene.conditions.rigid import RIGID
@@ -97,45 +98,6 @@ class Pair:
                    gap, before, unbalanced, broken)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Certified(Bound):
-    """The error of an iterate, with the admissible fields that it was measured with, T load steps.
-
-    errors : (T,) E, an energy norm, times ``factor`` where that is known
-    size : energy norm that E is relative to
-    pair : v and λ̂
-    factor : with which E bounds the error: 1 where all laws are convex; nan where E is an estimate
-    dual : S⁺h, as well as E needs it; None where E is not known
-    """
-
-    errors: np.ndarray
-    size: float
-    pair: Pair
-    factor: float = np.nan
-    dual: Dual | None = None
-
-    @property
-    def guaranteed(self) -> bool:
-        """Whether the errors are bounds."""
-        return not np.isnan(self.factor)
-
-    @classmethod
-    def joined(cls, batches: Sequence[Certified]) -> Certified:
-        """The error of all load steps from batches of them, in order."""
-        errors, energy, repositioned, correction = (
-            np.concatenate([getattr(b, name) for b in batches])
-                                                    for name in (
-                                                        "errors", "energy", "repositioned",
-                                                        "correction"))
-        size, duals = max(b.size for b in batches), [b.dual for b in batches]
-        return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy,
-                   repositioned, correction,
-                   sum(b.sweeps for b in batches), errors=errors, size=size,
-                   pair=Pair.joined([b.pair for b in batches]),
-                   factor=float(np.max([b.factor for b in batches])),
-                   dual=None if None in duals else Dual.joined(duals))
-
-
 class Certificate:
     """The error of one decomposition.
 
@@ -175,7 +137,7 @@ class Certificate:
         self.softness = lambda: None if np.isnan(self.factor()) else softness()
 
     def batch(self, steps: slice | np.ndarray, stage: LinearStage,
-              earlier: Certified | None) -> Certificate:
+              earlier: Judged | None) -> Certificate:
         """The certificate of some load steps; ``earlier``: what those before have ended with."""
         part = copy(self)
         part.pairs, part.external, part.stage, part.pushed = self.pairs.batch(steps), self.external[
@@ -192,7 +154,7 @@ class Certificate:
         part.factor, part.softness = (lambda: np.nan), (lambda: None)
         return part
 
-    def __call__(self, fields: Admissible, asked: float = np.inf) -> Certified:
+    def __call__(self, fields: Admissible, asked: float = np.inf) -> Judged:
         """The error of an iterate.
 
         asked : error asked for; above ``USEFUL`` of it E need not be known: it is infinite then,
@@ -210,8 +172,8 @@ class Certificate:
         a2, energy, rest = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * pair.gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(_largest(a2), size)
-        known = Certified(np.inf, a, energy, pair.moved, delta, errors=np.full(len(a2), np.inf),
-                          size=size, pair=pair)
+        known = Judged("certificate", np.inf, np.nan, np.full(len(a2), np.inf), size, a, energy,
+                       pair.moved, delta, pair=pair)
         if a > useful or pair.missing:
             return replace(known, least=a)
         solved, factor, reached = self.stage.blackbox.solved, self.factor(), Reached(
@@ -226,7 +188,7 @@ class Certificate:
         if reached.least > useful:
             return replace(known, least=reached.least)
         errors = np.sqrt(np.maximum(rest + dual.energy, 0.0)) * times_at_most + self.floor * size
-        return replace(known, relative=relative(float(errors.max()), size), errors=errors,
+        return replace(known, relative=relative(float(errors.max()), size), steps=errors,
                        factor=factor, dual=dual)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:

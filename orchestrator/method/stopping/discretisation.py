@@ -26,12 +26,12 @@ four-node tets it is a thousandth of the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.interface.rows import bounds_of, ratio
 from orchestrator.method.linear.loading import NOTHING
+from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.interface import Interface
@@ -43,22 +43,6 @@ from orchestrator.scene.model import Scene
 
 BATCH = 8  # load steps at once: what is as large as the mesh is there for each
 _WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the tensor
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """The estimated discretisation error, all load steps together.
-
-    relative : max_t η_t / max_t ‖u_t‖, in the energy norm
-    cells : (T, m) share of each cell; the largest root of a step's sum of squares is ``relative``
-    size : what both are relative to, the root of an energy
-    leaps : (T,) share of leaps between bonded sides in the sum of squares
-    """
-
-    relative: float
-    cells: np.ndarray
-    size: float = 1.0
-    leaps: np.ndarray | float = 0.0
 
 
 class Estimator:
@@ -113,7 +97,7 @@ class Estimator:
         return made
 
     def __call__(self, sides: Sequence[np.ndarray],
-                 numbers: Sequence[int] | None = None) -> Estimate:
+                 numbers: Sequence[int] | None = None) -> ErrorEstimate:
         """Estimate the error of displacements.
 
         sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
@@ -143,8 +127,9 @@ class Estimator:
         work = self.work(sides, numbers)
         errors, energy = squares.sum(axis=1), energies.sum(axis=1)
         size = size_of(exact_energy(energy, errors, work), alone)
-        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size,
-                        size, leapt / size**2)
+        return ErrorEstimate("mesh", float(np.sqrt(errors.max(initial=0.0)) / size), np.nan,
+                             np.sqrt(errors), size, cells=np.sqrt(squares) / size,
+                             leaps=leapt / size**2)
 
     def work(self, sides: Sequence[np.ndarray], numbers: Sequence[int]) -> np.ndarray:
         """(T,) f·u, parameters as for the estimate."""

@@ -19,7 +19,6 @@ from orchestrator.method.halving import path_sentence
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
-from orchestrator.method.stopping.certificate import Certified
 from orchestrator.processes import memory_peak_mb
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions, of_unheld, tool_cautions
@@ -68,9 +67,6 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     # each was asked once an iteration, and at each load step's end once more
     flowing = [s.name for s in scene.subdomains if s.remembers]
     answers = len(flowing) * (iterated.iterations + scene.steps)
-    factor, kind = getattr(bound, "factor", 1.0), None
-    if math.isfinite(bound.relative):
-        kind = "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
     about = np.array(config.output.moments_about, dtype=float)
     forces, moments = np.split(delivered.reactions, 2, axis=2)
     summary = {
@@ -83,9 +79,9 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                    "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
         "sole_scale": met and met.sole_scale,
-        "indicator": last.indicator, "error_bound": bound.relative, "error_kind": kind,
+        "indicator": last.indicator, "error_bound": bound.relative, "error_kind": bound.word,
         # by which friction has multiplied it
-        "error_factor": factor if kind == "guaranteed" and factor > 1 else None,
+        "error_factor": bound.factor if bound.word and bound.factor > 1 else None,
         "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
         "true_error": exact and exact.relative_error(delivered.displacement),
         "discretisation_error": off, "tolerance": last.tolerance,
@@ -166,7 +162,7 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
         "detached": met.detached, "weakly_held": met.weakly_held,
         "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions)}
     # else it is not known which no forces hold that the laws allow
-    if isinstance(bound, Certified):
+    if bound.pair is not None:
         found["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose]
                                for step in bound.pair.unbalanced]
     return found | ({"bolts": met.bolts} if scene.bolts else {})
