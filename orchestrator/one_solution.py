@@ -23,7 +23,8 @@ from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.delivery.deliver import Delivered, deliver
 from orchestrator.method.delivery.flux import ForceProbes
-from orchestrator.method.delivery.reference import Reference, solve_reference, WholeErrors
+from orchestrator.method.delivery.reference import (
+    check_reference, Reference, solve_reference, WholeErrors)
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import load_cases
@@ -100,6 +101,7 @@ class OneSolution:
                                watch)
 
     def _undecomposed(self, scene: Scene, code: CodeSettings) -> Reference:
+        check_reference(scene)
         self.told.stage("solving undecomposed")
         with self.watch("reference"), make_blackbox(code) as whole:
             return solve_reference(scene, whole)

@@ -11,7 +11,8 @@ from quick import late, quick
 from orchestrator.config.load import config_from, Loaded
 from orchestrator.errors import InputError
 from orchestrator.method.delivery.met import work as work_of
-from orchestrator.method.monitors.following import FollowingMonitor
+from orchestrator.method.monitors.following import FollowingMonitor, paired_as
+from orchestrator.method.monitors.weakening import anchored, weakened
 from orchestrator.results.solution import Solution
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
@@ -218,7 +219,8 @@ def test_springs_that_stay_in_one_load_step_begin_anew_in_the_next():
         "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow"},
                        {"between": ["block", {"plane": {"at": [1, 0.5, 1.5], "normal": "x"}, "displacement": [[0.1, 0, 0], [0.2, 0, 0]]}],
                         "law": "contact"}]}))
-    assert d.following is not None and d.coarse.anew
-    stay = d.weakened(0.1).anchored()
-    after = d.paired_as(stay)
-    assert not stay.coarse.anew and after.coarse.anew and after.springs == 1
+    assert d.coarse.anew
+    stay = anchored(weakened(d, 0.1))
+    after = paired_as(d, stay)
+    assert not stay.coarse.anew and after.coarse.anew
+    assert stay.local.pairs.springs == 0.1 and after.local.pairs.springs == 1

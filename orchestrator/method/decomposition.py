@@ -5,13 +5,12 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.correction import CoarseCorrection
-from orchestrator.method.interface.pairs import History
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Carried, Loading, RimStiffness
 from orchestrator.method.linear.stage import Admissible, LinearStage, Nonlinear
@@ -54,9 +53,6 @@ class Decomposition:
     coarse : coarse contact problem, where some are not
     certificate : the energy error, where some are not and it is asked for
     nonlinear : the subdomains that are; None where none is
-    following : the interfaces that are paired anew as they slide, where there are some, see
-        ``monitors.following``
-    springs : ε of springs of stabilisation over that at the beginning
     """
 
     scene: Scene
@@ -68,8 +64,6 @@ class Decomposition:
     coarse: CoarseCorrection | None
     certificate: Certificate | None = None
     nonlinear: Nonlinear | None = None
-    following: Any = None
-    springs: float = 1.0
 
     @property
     def loading(self) -> Loading:
@@ -178,38 +172,11 @@ class Decomposition:
             return self
         return replace(self, stage=self.stage.under(self.nonlinear.reload()))
 
-    def paired(self, place: np.ndarray) -> Decomposition:
-        """Pair sides anew where traces (1, D) have brought them."""
-        pairs = self.following.pair(place).at_steps_of(self.local.pairs)
-        local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.before), self.coarse
-        if coarse is not None:
-            coarse = coarse.paired(pairs)
-            coarse.start_from(local)
-        result = replace(self, local=local, coarse=coarse)
-        return result if self.springs == 1 else replace(result, springs=1.0).weakened(self.springs)
-
-    def weakened(self, share: float) -> Decomposition:
-        """Scale the springs of stabilisation to that share of ε."""
-        local = LawStage(self.stage.direction, self.local.pairs.weakened(share), self.local.before)
-        coarse = None if self.coarse is None else self.coarse.weakened(share, local)
-        return replace(self, local=local, coarse=coarse, springs=share * self.springs)
-
-    def anchored(self) -> Decomposition:
-        """Let springs of stabilisation begin anew no more."""
-        coarse = copy(self.coarse)
-        coarse.anew = False
-        return replace(self, coarse=coarse)
-
-    def paired_as(self, other: Decomposition) -> Decomposition:
-        """Take, for all load steps, the pairs that another decomposition has for some; its springs
-        of stabilisation stay its own.
-        """
-        if other.springs != 1:
-            other = other.weakened(1 / other.springs)
-        pairs, coarse = other.local.pairs.at_steps_of(self.local.pairs), copy(other.coarse)
+    def meeting(self, pairs: Pairs, coarse: CoarseCorrection | None) -> Decomposition:
+        """Return it with other pairs that laws answer for, and the coarse problem of these."""
         local = LawStage(self.stage.direction, pairs, self.local.before)
         if coarse is not None:
-            coarse.radius, coarse.anew = None, self.coarse.anew
+            coarse.start_from(local)
         return replace(self, local=local, coarse=coarse)
 
     def __repr__(self) -> str:

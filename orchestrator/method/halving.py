@@ -57,14 +57,18 @@ class Increment:
         return both if middle - self.begin >= LEAST else []
 
 
-def increments_of(steps: int, scene: Scene, method) -> list[Increment]:
-    """Return so many load steps in increments that are solved together: one by one where matter
-    remembers them, or sides are paired anew as they slide.
+def follow_each_other(scene: Scene) -> bool:
+    """Whether load steps are solved one by one: matter remembers them, or sides are paired anew as
+    they slide.
     """
-    one_by_one = scene.remembers or any(i.follows for i in scene.interfaces)
-    if scene.bonded and not one_by_one:
+    return scene.remembers or any(i.follows for i in scene.interfaces)
+
+
+def increments_of(steps: int, scene: Scene, method) -> list[Increment]:
+    """Return so many load steps in increments that are solved together."""
+    if scene.bonded and not follow_each_other(scene):
         return [Increment(slice(0, steps))]
-    size = 1 if one_by_one else method.increment
+    size = 1 if follow_each_other(scene) else method.increment
     if size == "auto":
         size = steps if steps <= TOGETHER else INCREMENT
     return [Increment(slice(a, min(a + size, steps))) for a in range(0, steps, size)]
@@ -76,7 +80,7 @@ def may_be_halved(d: Decomposition, method) -> bool:
     Nonlinear matter cannot take back what it has gone through, sides that follow are paired for
     load steps as they are, and the mesh's error is estimated for them.
     """
-    return d.nonlinear is None and d.following is None and method.tolerance.error != "auto"
+    return not follow_each_other(d.scene) and method.tolerance.error != "auto"
 
 
 def proportional(d: Decomposition) -> bool:

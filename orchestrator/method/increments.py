@@ -23,6 +23,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Subscriber, Subscribers
 from orchestrator.method.halving import Increment, increments_of, may_be_halved, part_of, path_sentence, proportional
 from orchestrator.method.iterated import Iterated, delivered, event_of
+from orchestrator.method.interface.pairs import History
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, Evaluation, monitors_of
 from orchestrator.method.monitors.ending import HELD
@@ -91,6 +92,7 @@ class _Run:
         self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(
             d, method), proportional(d)
         self.ended: list[Iterated] = []
+        self.left: History | None = None  # what the last of these has left
         self.begun: int | None = None  # iterations of earlier runs
         self.lost: list[Any] = []
         self.done = start.iteration, start.sweeps
@@ -127,8 +129,10 @@ class _Run:
         self.ended.append(replace(result, part=increment.end < 1))
         self.lost = []
         self._pass(number, result.converged, result.stop_reason)
-        if self.d.following is not None:
-            self.d = self.d.paired_as(latin.problem)
+        if self._left(number):
+            self.left = result.left()
+            for monitor in latin.monitors:
+                self.d, self.left = monitor.passed(self.d, result, self.left)
 
     def _left(self, number: int) -> int:
         """Number of increments that follow."""
@@ -203,14 +207,11 @@ class _Run:
         left.
         """
         d, before = self.d, self.ended[-1] if self.ended else None
-        history = None if before is None else before.left()
-        if d.following is not None and before is not None:
-            history = d.following.begin(d.local.pairs, before.fields, before.local)
         if d.nonlinear is not None:
             d = d.foreseen(number)
         if increment.begin > 0 or increment.end < 1:
-            return part_of(d, increment, history, before and before.bound)
-        return d.batch(increment.steps, history, before
+            return part_of(d, increment, self.left, before and before.bound)
+        return d.batch(increment.steps, self.left, before
                        and before.bound) if several or d.nonlinear is not None else d
 
     def _begin(self, latin: Latin, number: int, steps: slice) -> None:
@@ -264,7 +265,7 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
     Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked
     under forces that nothing bears, as where a body is to slide and has not been let go yet.
     """
-    elastic = replace(view, stage=view.stage.under(view.loading), following=None)
+    elastic = replace(view, stage=view.stage.under(view.loading))
     rough = method.model_copy(
         update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
     latin = Latin(elastic, rough, monitors_of(Case(elastic, rough, numbers)), watch)

@@ -42,8 +42,8 @@ class Iterated:
     problem : the decomposition for these load steps, or for a part of one, as it was in the end;
         None: several of them
     part : whether this is a part of a load step, of which nothing is delivered
-    begins : first load steps of increments, from 0 → what the one before has left; none where there
-        is one increment
+    met : the pairs that met in its load steps, and what those before had left, increment by
+        increment; none where all is bonded
     between : load steps that were halved, from 0 → their parts but for the last one
     """
 
@@ -59,7 +59,7 @@ class Iterated:
     found: Mapping[str, list[Any]] = field(default_factory=dict)
     problem: Decomposition | None = None
     part: bool = False
-    begins: Mapping[int, History] = field(default_factory=dict)
+    met: Sequence[tuple[Pairs, History]] = ()
     between: Mapping[int, Sequence[Iterated]] = field(default_factory=dict)
 
     @classmethod
@@ -71,13 +71,12 @@ class Iterated:
             return increments[0]
         decisive, final = next((x for x in increments if not x.converged),
                                increments[-1]), increments[-1]
-        whole, begins, between, step = [], {}, {}, 0
+        whole, between, step = [], {}, 0
         for x in increments:
             if x.part:
                 between.setdefault(step, []).append(x)
                 continue
             whole.append(x)
-            begins[step] = x.problem.local.before
             step += len(x.fields.s)
         bound = Judged.joined([x.bound for x in whole])
         if between:
@@ -90,7 +89,7 @@ class Iterated:
             decisive.converged, decisive.stop_reason, final.iterations, final.sweeps, decisive.last,
                    [event for x in increments for event in x.history],
             {name: [found for x in whole for found in x.found[name]] for name in whole[0].found},
-                   begins=begins, between=between)
+                   between=between, met=[met for x in whole for met in x.met])
 
     def left(self) -> History:
         """The state that the next load step begins with: where an energy error is known the
@@ -101,20 +100,16 @@ class Iterated:
             return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))
         return self.local.left()
 
-    def by_pairing(self, d: Decomposition) -> Iterator[tuple[slice, Pairs, History]]:
-        """Load steps of a decomposition in which the same pairs meet, from one beginning; these,
-        and what the step before has left; the
-        scene has their operators meanwhile."""
-        if d.following is None and not self.begins:
-            yield slice(0, d.steps), d.local.pairs, d.local.before
-        elif d.following is None:
-            for first, last in zip(self.begins, [*self.begins, d.steps][1:]):
-                yield slice(first,
-                            last), d.local.pairs.batch(slice(first, last)), self.begins[first]
-        for step, paired in enumerate(self.found.get("following", [])):
-            for i in d.following.interfaces:
-                i.mortar = paired.mortars[i.index]
-            yield slice(step, step + 1), paired.pairs, paired.before
+    def by_pairing(self) -> Iterator[tuple[slice, Pairs, History]]:
+        """Load steps in which the same pairs meet, from one beginning; these, and what the step
+        before has left; the scene has their operators meanwhile.
+        """
+        step = 0
+        for pairs, before in self.met:
+            for i in pairs.interfaces:
+                i.mortar = pairs.mortars.get(i.index, i.mortar)
+            yield slice(step, step + len(pairs.numbers)), pairs, before
+            step += len(pairs.numbers)
 
 
 def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
@@ -149,7 +144,8 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
     event = replace(event, checkpoint=None)
     return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event,
                     history or [event.without_state()],
-                    {monitor.name: monitor.found(problem) for monitor in latin.monitors}, problem)
+                    {monitor.name: monitor.found(problem) for monitor in latin.monitors}, problem,
+                    met=() if problem.all_perfect else [(problem.local.pairs, problem.local.before)])
 
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it

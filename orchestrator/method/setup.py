@@ -36,7 +36,6 @@ from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.linear.stage import LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
-from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, pushed
 from orchestrator.method.stopping.convexity import check_convex
@@ -145,13 +144,13 @@ class _SetUp:
             direction, rims, stiffness, factorised = self._asked(perfect or certified, savings)
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
-            local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
+            local, pairs = Exchange(direction, method.search_direction.kplus), None
             if space.by_nodes:
                 local = NodeExchange(direction, per_node(stiffness.diagonal(), space))
             with watch("bound"):
                 bound = ErrorBound(direction, stiffness, *self._freedom(modes))
         else:
-            (pairs, local, springs), bound = self._meeting(direction, 1.0), None
+            (pairs, local), bound = self._meeting(direction, 1.0), None
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
         bases = self._bases(direction)
         with watch("load"):
@@ -160,7 +159,7 @@ class _SetUp:
         with watch("search_direction"):
             suited, scale, spent = fitted(scene, self.soles, self.sides, guarded, method, blackbox)
         if scale != 1:
-            direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
+            direction, (pairs, local) = suited, self._meeting(suited, scale)
             guarded = GuardedTraces(blackbox, direction, guarded.names)
             macro = self._macro(direction, guarded, bases)
         floor, counts = self._floor(), [len(m.nodes) for m in self.models]
@@ -179,8 +178,6 @@ class _SetUp:
             coarse.start_from(local)
         made = Made(self.traces, counts, rims, modes, self.carried,
                     loading.sweeps + spent / scene.steps, scale)
-        following = Following(scene, space, direction,
-                              springs) if any(i.follows for i in scene.interfaces) else None
         if certified:
             check_convex(pairs, space.team)
         certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness,
@@ -189,7 +186,7 @@ class _SetUp:
         for judge in filter(None, (bound, certificate)):
             judge.floor = floor
         return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse,
-                             certificate, nonlinear, following)
+                             certificate, nonlinear)
 
     def _asked(self, whole: bool, savings: Savings) -> tuple:
         """Search direction; stiffness of the rims, and of the boundary dofs; and when the codes
@@ -214,11 +211,11 @@ class _SetUp:
         return placed_soles(self.space, requests, soles), rims, stiffness, factorised
 
     def _meeting(self, direction: SearchDirection,
-                 scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
-        """The pairs, their local stage, and how they are stabilised."""
-        springs = stabilisation(self.scene, self.method, scale)
-        pairs = make_pairs(self.scene, self.space, direction.whole, springs)
-        return pairs, LawStage(direction, pairs.lawful), springs
+                 scale: float) -> tuple[Pairs, LawStage]:
+        """The pairs, and their local stage."""
+        pairs = make_pairs(self.scene, self.space, direction.whole,
+                           stabilisation(self.scene, self.method, scale))
+        return pairs, LawStage(direction, pairs.lawful)
 
     def _freedom(self, modes: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
         """Rigid motions and external forces (T, B) on the boundary dofs."""

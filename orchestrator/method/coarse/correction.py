@@ -144,14 +144,11 @@ class CoarseCorrection:
                              space.owner) if self.anew else None
         return Admissible.of_extended(s, u, fields.alpha, w, f, space, anchor)
 
-    def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
-        """The same with springs of stabilisation of that share of ε, as the local stage has
-        them.
-        """
+    def weakened(self, share: float) -> CoarseCorrection:
+        """The same with springs of stabilisation of that share of ε."""
         result = copy(self)
         result.pairs = self.pairs.weakened(share)
         result.problem = self.problem.weakened(result.pairs)
-        result.start_from(local)
         return result
 
     @property

@@ -256,7 +256,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                 forces = np.zeros((scene.steps, *arm.shape))
                 forces[:, i.traced(side)] = handed[:, dofs]
                 left[:, body[i.subdomains[0]], 3:] += np.cross(arm, forces).sum(axis=1)
-    for t, i, carried in () if d.following is None else _slid_on(d, iterated):
+    for t, i, carried in () if iterated is None else _slid_on(d, iterated):
         for side, (e, forces) in enumerate(zip(i.subdomains, carried)):
             everywhere = np.zeros((scene.steps, *forces.shape))
             everywhere[t] = forces
@@ -280,10 +280,10 @@ def _slid_on(d: Decomposition,
     """Per load step and interface whose sides slide on, what its points do at the nodes of either
     side, (n, 3) each.
     """
-    mine = {i.index for i in own_interfaces(d)}
+    mine = {i.index for i in own_interfaces(d) if i.moving is not None}
     w, f = iterated.fields.extended
-    for t, pairs, _ in iterated.by_pairing(d):
+    for t, pairs, _ in iterated.by_pairing() if mine else ():
         force = pairs.traces(w[t], f[t]).force[0]
         for i, at in pairs.each():
-            if i.moving is not None and i.index in mine:
+            if i.index in mine:
                 yield t, i, [side[0] for side in at_nodes(i.mortar, force[:, at].T[None])]

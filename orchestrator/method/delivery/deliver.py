@@ -148,7 +148,7 @@ def deliver(d: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopw
     resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
     felt, = d.space.team.sum(np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1))
     # with it the codes' models would stay, and all that was set up
-    iterated = replace(iterated, problem=None, between={})
+    iterated = replace(iterated, problem=None, between={}, met=())
     energy, joints = stored_energy(d, ours,
                                    iterated.bound.energy), any(
                                        s.foreign for s in d.scene.subdomains)
@@ -162,7 +162,7 @@ def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths,
           bodies: LengthScale) -> LawResiduals:
     """Residuals of the laws in all load steps, by the measures that the run was judged with."""
     measured = [(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
-                for t, pairs, before in iterated.by_pairing(d)]
+                for t, pairs, before in iterated.by_pairing()]
     laws = law_residuals(measured, lengths, d.space.team)
     if d.nonlinear is not None:
         laws = laws.and_also(FIXED_POINT, iterated.last.laws[FIXED_POINT])

@@ -189,7 +189,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
            for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
-    for t, here, _ in iterated.by_pairing(d):
+    for t, here, _ in iterated.by_pairing():
         at = geometry_shown(scene, chosen)
         acting, every[t] = at.acting, at.area
         jumps, forces, statuses, own_values = _stages(here, iterated, pair, t)

@@ -142,7 +142,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     epsilon, largest, carried = team.max(*(peak(x) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
     moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None])
-                            for t, _, before in iterated.by_pairing(d)])
+                            for t, _, before in iterated.by_pairing()])
     ends = np.repeat(ends_of(pairs.interfaces), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):

@@ -49,7 +49,7 @@ def reach(d: Decomposition, bodies: JoinedBodies, iterated: Iterated,
     moved = space.everywhere(space.side_by_side(dict(enumerate(bodies.motions)), RIGID))
     stiffness = _per_node(d, bodies)
     result = np.zeros((bodies.count, d.steps))
-    for steps, pairs, before in iterated.by_pairing(d):
+    for steps, pairs, before in iterated.by_pairing():
         springs = _Springs(pairs, bodies, moved, stiffness)
         for t, held in zip(range(d.steps)[steps], _held(pairs, iterated, steps, before)):
             result[:, t] = springs(held, float(error[t]))

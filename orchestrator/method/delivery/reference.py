@@ -63,15 +63,19 @@ class Reference:
         return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(peak(gap)))
 
 
+def check_reference(scene: Scene) -> None:
+    """Raises ``Refusal`` where the undecomposed solution is that of another problem."""
+    if not scene.bonded:
+        raise Refusal("no undecomposed solution")
+
+
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
     """Solve all load steps without decomposition; where interfaces join nodes that are no common
     ones, with their operators.
 
     Raises BlackBoxError: from the code, also when memory runs out
-    Raises Refusal: interfaces that are not perfect, or sides that cannot come together
+    Raises Refusal: sides that cannot come together
     """
-    if not scene.bonded:
-        raise Refusal("no undecomposed solution")
     stiffness = blackbox.stiffness([whole_model(scene)])[0]
     joined = _constraints(scene)
     displacement = _constrained(scene, stiffness,

@@ -4,8 +4,8 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from orchestrator.method.interface.point_traces import NodeCompliance, PointTrac
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
 from orchestrator.scene.interface import Interface
+from orchestrator.scene.interfaces.mortar.operators import Mortar
 
 
 @dataclass
@@ -38,6 +39,9 @@ class Pairs(Answering):
     numbers: np.ndarray  # (T,) int, which load steps of the scene these are
     # (3, P) what B w lacks of the jump of sides that are paired anew as they slide
     slid: np.ndarray
+    springs: float = 1.0  # ε over that at the beginning
+    # interface → its operators, where sides were paired anew as they slid
+    mortars: Mapping[int, Mortar] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -111,7 +115,8 @@ class Pairs(Answering):
 
     def weakened(self, share: float) -> Pairs:
         """Scale the springs of stabilisation to that share of ε."""
-        return replace(self, stabilisation=share * self.stabilisation)
+        return replace(self, stabilisation=share * self.stabilisation,
+                       springs=share * self.springs)
 
     # ---- parts ---------------------------------------------------------------------------------
 

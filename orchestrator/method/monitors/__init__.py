@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.pairs import History
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.error_estimate import Judged
@@ -184,6 +185,14 @@ class Monitor:
         for name in self.remembered:
             setattr(self, _attribute(name), copy(state[name]))
         return problem
+
+    def passed(self, d: Decomposition, ended: Any, left: History) -> tuple[Decomposition, History]:
+        """Return what the next increment begins with: the decomposition for all load steps, and
+        what this one has left.
+
+        ended : the result of the increment, see ``Iterated``
+        """
+        return d, left
 
     def found(self, problem: Decomposition) -> list[Any]:
         """Return what is delivered of it once the iterations of the case have ended:

@@ -18,6 +18,7 @@ bodies do not turn.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,8 +31,9 @@ from orchestrator.method.interface.rows import peak
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.local_stage import LocalState
+from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+from orchestrator.method.monitors.weakening import weakened
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
@@ -43,6 +45,7 @@ class Following:
 
     scene, space, direction, stabilisation : as the pairs are made from
     place : (1, D) traces w_p at which sides are paired now
+    before : w⁰ and d⁰; None: nothing was before
     """
 
     scene: Scene
@@ -50,7 +53,7 @@ class Following:
     direction: SearchDirection
     stabilisation: np.ndarray
     place: np.ndarray = field(init=False)
-    _before: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None)
+    before: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         here = set(self.space.subdomains)
@@ -58,19 +61,6 @@ class Following:
                            and here.intersection(i.subdomains)]
         self.first = {i.index: i.mortar for i in self.interfaces}
         self.place = np.zeros((1, self.space.size))
-
-    def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
-        """Return what a load step begins with where another one has ended: points that carry
-        nothing keep
-        their jumps.
-
-        pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which
-            come first
-        """
-        w, f = fields.extended
-        self._before = w[-1:], pairs.traces(w[-1:], f[-1:]).jump[-1]
-        left = local.left()
-        return History(np.where(pairs.free, left.jump, self._before[1]), left.own)
 
     def pair(self, place: np.ndarray) -> Pairs:
         """The pairs where traces (1, D) have brought the sides; scene and numbering have them,
@@ -88,10 +78,11 @@ class Following:
         for i in self.interfaces:
             i.mortar = mortars[i.index]
         self.space.transfer = self.space.transfer.paired(mortars)
-        pairs = make_pairs(self.scene, self.space, self.direction.whole, self.stabilisation)
+        pairs = replace(make_pairs(self.scene, self.space, self.direction.whole,
+                                   self.stabilisation), mortars=mortars)
         now = pairs.transfer.jump(w)[0]
-        then, jump = (np.zeros_like(now),) * 2 if self._before is None else (
-            pairs.transfer.jump(self._before[0])[0], self._before[1])
+        then, jump = (np.zeros_like(now),) * 2 if self.before is None else (
+            pairs.transfer.jump(self.before[0])[0], self.before[1])
         for i, at in pairs.each():
             if i.moving is not None:
                 pairs.slid[:, at] = self._slid(i, now[:, at], jump[:, at] - then[:, at])
@@ -123,20 +114,6 @@ class Following:
         return self.space.team.max(farthest)[0]
 
 
-@dataclass(frozen=True)
-class Paired:
-    """How sides that slide on each other were paired in a load step.
-
-    pairs : that are not perfect
-    mortars : operators by the interface's place in the scene
-    before : what the load step before has left
-    """
-
-    pairs: Pairs
-    mortars: dict[int, Mortar]
-    before: History
-
-
 # A residual of this share of how far points have moved since they were paired, in elements, is
 # worth to pair them anew: what
 # is solved better than that is solved for the wrong place. The die of ``study contact`` takes 325
@@ -161,16 +138,23 @@ class FollowingMonitor(Monitor):
     name, remembered = "following", ("trace/place", "trace/way", "share")
 
     def __init__(self, case: Case):
-        self.case, self.place = case, case.problem.following.place
+        self.case, self.following = case, case.given["following"]
+        self.place = self.following.place
         # the last r, zero before the first, and ω
         self.way, self.share = np.zeros_like(self.place), 1.0
 
     @classmethod
     def of(cls, case: Case) -> FollowingMonitor | None:
-        return None if case.problem.following is None else cls(case)
+        d = case.problem
+        if not any(i.follows for i in d.scene.interfaces):
+            return None
+        if "following" not in case.given:
+            springs = stabilisation(d.scene, case.method, d.made.sole_scale)
+            case.given["following"] = Following(d.scene, d.space, d.stage.direction, springs)
+        return cls(case)
 
     def judge(self, now: Evaluation) -> Verdict:
-        moved = now.problem.following.moved(now.problem.local.pairs, now.best)
+        moved = self.following.moved(now.problem.local.pairs, now.best)
         if moved > self.case.value and now.verdict.measure <= max(
             self.case.value, WORTH * min(moved, 1.0)):
             return Verdict(False, changes=(self.name,), anew=True)
@@ -184,18 +168,39 @@ class FollowingMonitor(Monitor):
         self.share = float(np.clip(-self.share * along / size, SHORTEST,
                                    LONGEST)) if along and size > 0 else 1.0
         self.way, self.place = way, self.place + self.share * way
-        problem, force = now.problem.paired(self.place), now.local.force
+        problem, force = self.paired(now.problem), now.local.force
         there, here = (d.local.pairs.transfer.opposed(force)[:, : d.space.size]
                        for d in (problem, now.problem))
         now.fields = replace(now.fields, s=now.fields.s + there - here)
         return problem
 
+    def paired(self, d: Decomposition) -> Decomposition:
+        """Pair sides anew at the place where they are."""
+        pairs = self.following.pair(self.place).at_steps_of(d.local.pairs)
+        if (springs := d.local.pairs.springs) != 1:
+            pairs = pairs.weakened(springs)
+        return d.meeting(pairs.lawful, d.coarse and d.coarse.paired(pairs))
+
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         super().restore(state, problem)
-        return problem if np.array_equal(self.place,
-                                         problem.following.place) else problem.paired(self.place)
+        return problem if np.array_equal(self.place, self.following.place) else self.paired(problem)
 
-    def found(self, problem: Decomposition) -> list[Paired]:
-        return [
-            Paired(problem.local.pairs, {i.index: i.mortar for i in problem.following.interfaces},
-                   problem.local.before)]
+    def passed(self, d: Decomposition, ended: Any, left: History) -> tuple[Decomposition, History]:
+        d = paired_as(d, ended.problem)
+        pairs, (w, f) = d.local.pairs, ended.fields.extended
+        jump = pairs.traces(w[-1:], f[-1:]).jump[-1]
+        self.following.before = w[-1:], jump
+        # points that carry nothing keep their jumps
+        return d, History(np.where(pairs.free, left.jump, jump), left.own)
+
+
+def paired_as(d: Decomposition, other: Decomposition) -> Decomposition:
+    """Take, for all load steps, the pairs that another decomposition has for some; the springs of
+    stabilisation stay its own.
+    """
+    if (springs := other.local.pairs.springs) != 1:
+        other = weakened(other, 1 / springs)
+    coarse = copy(other.coarse)
+    if coarse is not None:
+        coarse.radius, coarse.anew = None, d.coarse.anew
+    return d.meeting(other.local.pairs.at_steps_of(d.local.pairs), coarse)

@@ -86,7 +86,7 @@ class LimitLoadMonitor(Monitor):
         verdict, pairs = now.verdict, now.problem.local.pairs
         if verdict.changes:  # sides are to be paired anew
             return Verdict()
-        if now.problem.following is not None and pairs.transfer is not self.meeting:
+        if pairs.transfer is not self.meeting:
             self.meeting, self.known, self.way = pairs.transfer, {}, {}
         value = verdict.target[1]
         if (verdict.met and now.problem.path_dependent
@@ -154,7 +154,7 @@ class LimitLoadMonitor(Monitor):
         """The limit loads of load steps with the friction of the pressures that are there, if
         stiffer springs have shown such as well.
         """
-        springs, found = now.problem.springs, self.at_friction(now, steps)
+        springs, found = now.problem.local.pairs.springs, self.at_friction(now, steps)
         again, self.shown = bool(found) and springs < self.shown, max(
             springs, self.shown) if found else 0.0
         return found if again else []

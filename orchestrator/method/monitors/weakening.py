@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from orchestrator.method.decomposition import Decomposition
@@ -64,7 +66,7 @@ class Weakening(Monitor):
             self.least = verdict.laws.springs, now.number
         if verdict.changes or verdict.reason or now.last:
             return Verdict()
-        changes = self.stands(now) if problem.coarse.anew else self.due(verdict, problem.springs)
+        changes = self.stands(now) if problem.coarse.anew else self.due(verdict, problem.local.pairs.springs)
         return Verdict(False, changes=(self.name,), anew=True) if changes else Verdict()
 
     def stands(self, now: Evaluation) -> bool:
@@ -88,18 +90,30 @@ class Weakening(Monitor):
     def change(self, now: Evaluation) -> Decomposition:
         if now.problem.coarse.anew:
             self.stays = now.number
-            return now.problem.anchored()
-        times = self.due(now.verdict, now.problem.springs)
+            return anchored(now.problem)
+        times = self.due(now.verdict, now.problem.local.pairs.springs)
         self.at += [now.number] * times
         self.carried = now.verdict.laws.springs
-        return now.problem.weakened(WEAKER ** times)
+        return weakened(now.problem, WEAKER ** times)
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         super().restore(state, problem)
         self.least = tuple(self.least)
         for _ in self.at:
-            problem = problem.weakened(WEAKER)
-        return problem.anchored() if self.stays else problem
+            problem = weakened(problem, WEAKER)
+        return anchored(problem) if self.stays else problem
 
     def found(self, problem: Decomposition) -> list[dict[str, Any]]:
-        return [{"after": sorted(set(self.at)), "springs": problem.springs}]
+        return [{"after": sorted(set(self.at)), "springs": problem.local.pairs.springs}]
+
+
+def weakened(d: Decomposition, share: float) -> Decomposition:
+    """Scale the springs of stabilisation to that share of ε."""
+    return d.meeting(d.local.pairs.weakened(share), d.coarse and d.coarse.weakened(share))
+
+
+def anchored(d: Decomposition) -> Decomposition:
+    """Let springs of stabilisation begin anew no more."""
+    coarse = copy(d.coarse)
+    coarse.anew = False
+    return replace(d, coarse=coarse)
