@@ -189,7 +189,7 @@ def energies(solution: Solution, estimator: Estimator, found: ErrorEstimate) -> 
                     bound**2 * size, estimator.volumes.sum(),
                     (cells**2 / estimator.volumes).sum() / (whole or 1.0), work,
                     loads.ravel().tolist(),
-                    float(np.broadcast_to(found.leaps, len(squares))[step]) * size,
+                    float(found.leaps[step]) * size,
                     Stressed.of(scene.mesh, estimator, u))
 
 

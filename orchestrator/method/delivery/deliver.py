@@ -24,7 +24,7 @@ from orchestrator.method.delivery.recovery import (Parts, continuous, interior, 
 from orchestrator.method.delivery.tools import PlacedTool, placed
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
-from orchestrator.method.stopping.body_residual import body_residual, judged_together
+from orchestrator.method.stopping.bodies import body_residual, judged_together
 from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
@@ -168,7 +168,7 @@ def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths,
         laws = laws.and_also(FIXED_POINT, iterated.last.laws[FIXED_POINT])
     if OF_BODIES in iterated.last.laws:
         laws = laws.and_also(OF_BODIES,
-                             body_residual(measured, lengths, d.space,
+                             body_residual(measured, lengths.of_rest, d.space,
                                            judged_together(d.scene, bodies)))
     return laws
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
-from orchestrator.method.stopping.body_residual import body_residual, judged_together
+from orchestrator.method.stopping.bodies import body_residual, judged_together
 from orchestrator.method.stopping.law_residuals import (FIXED_POINT, law_residuals, Lengths,
                                                         OF_BODIES)
 
@@ -172,7 +172,8 @@ class LawCriterion(Criterion):
             laws = laws.and_also(FIXED_POINT, _fixed_point(now, lengths))
         if self.case.method.tolerance.law is not None:
             laws = laws.and_also(OF_BODIES,
-                                 body_residual(parts, lengths, problem.space, self.groups))
+                                 body_residual(parts, lengths.of_rest, problem.space,
+                                               self.groups))
         value = laws.largest if self.case.by_error else now.measures.indicator
         name = self.name if self.case.by_error else "indicator"
         return Verdict(bool(value <= self.case.value), measure=value, laws=laws, lengths=lengths,

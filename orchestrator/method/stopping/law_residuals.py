@@ -11,7 +11,7 @@ contacts are stabilised
 - fixed_point  ‖F(s) − s‖ / ‖F(s)‖ in the same norm, on all interfaces, where matter is nonlinear:
   then nothing else tells whether what was extrapolated from the last true answers is true
 - body_residual  the residual of the body where it is largest beside that body's own forces, see
-  ``body_residual``, where laws alone are asked for (``tolerance: {law: …}``)
+  ``bodies.body_residual``, where laws alone are asked for (``tolerance: {law: …}``)
 - the laws' own measures, over powers of the length scale ℓ and of the law's largest pressure
 
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
