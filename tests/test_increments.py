@@ -9,7 +9,7 @@ from test_keeping import stopped_and_resumed
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.method import increments
+from orchestrator.method import halving
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -64,15 +64,15 @@ def pressed(*path, kind="displacement"):
 @pytest.fixture
 def halved(monkeypatch):
     """Parts of load steps are taken not to settle, once they have, as large ones do not; the rest is as it is."""
-    before = increments._Run._smaller
+    before = halving.Plan.smaller
 
-    def smaller(run, number, now):
-        part = run.increments[number]
+    def smaller(plan, now, most):
+        part = plan.now
         if now.verdict.reason and (part.steps.start, part.begin, part.end) in HALVES:
-            return increments.UNSETTLED
-        return before(run, number, now)
+            return halving.UNSETTLED
+        return before(plan, now, most)
 
-    monkeypatch.setattr(increments._Run, "_smaller", smaller)
+    monkeypatch.setattr(halving.Plan, "smaller", smaller)
 
 
 @pytest.mark.long

@@ -9,7 +9,7 @@ subdomain for its loads, and no factorisation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,9 +19,15 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.loading import Loading, apply_loads, partway
+from orchestrator.method.monitors import Evaluation
+from orchestrator.method.monitors.ending import HELD
 from orchestrator.method.stopping.error_estimate import Judged
 from orchestrator.scene.model import Scene
 
+# An increment does not settle whose law residual has not fallen to such a share of its least in so
+# many iterations.
+FALLS, PATIENCE = 0.5, 100
+UNSETTLED = "law residual stands still"
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
 INCREMENT = 4  # load steps of a batch where there are more
 # of a load step, the smallest part: what does not settle in it snaps, and no path leads through
@@ -74,15 +80,6 @@ def increments_of(steps: int, scene: Scene, method) -> list[Increment]:
     return [Increment(slice(a, min(a + size, steps))) for a in range(0, steps, size)]
 
 
-def may_be_halved(d: Decomposition, method) -> bool:
-    """Whether the way to a load counts, and load steps have halves.
-
-    Nonlinear matter cannot take back what it has gone through, sides that follow are paired for
-    load steps as they are, and the mesh's error is estimated for them.
-    """
-    return not follow_each_other(d.scene) and method.tolerance.error != "auto"
-
-
 def proportional(d: Decomposition) -> bool:
     """Whether half of what the first load step adds has half of its solution, so that its halves
     are no easier; all ranks ask.
@@ -92,6 +89,109 @@ def proportional(d: Decomposition) -> bool:
     knows = any(law.acts or np.any(law.distance) or law.variables for i in d.scene.interfaces
                 for law in i.laws(1))
     return not d.space.team.max(float(knows))[0]
+
+
+class Plan:
+    """The increments of a run: those that have ended, the one under way, and those that follow.
+
+    Where the way to a load counts one that does not settle is solved again in smaller steps.
+
+    numbers : of the load steps, from 1, for people
+    at : which one is under way
+    path : of those that were solved again in smaller steps, or could not be: load steps, from 1,
+        part, why and after which iteration
+    least : law residual of the one under way, and the iteration from which it has fallen no more
+    known : how many have ended in an earlier run
+    """
+
+    def __init__(self, d: Decomposition, method, numbers: Sequence[int]):
+        self.increments, self.at, self.known = increments_of(d.steps, d.scene, method), 0, 0
+        self.numbers, self.path, self.least = numbers, [], (np.inf, 0)
+        self.asked, self.converged = method.contact.stabilisation != "auto", True
+        self.has_history, self.proportional = d.has_history, proportional(d)
+        # nonlinear matter cannot take back what it has gone through, sides that follow are paired
+        # for load steps as they are, and the mesh's error is estimated for them
+        self.halves = not follow_each_other(d.scene) and method.tolerance.error != "auto"
+
+    @property
+    def now(self) -> Increment:
+        """The increment under way."""
+        return self.increments[self.at]
+
+    @property
+    def left(self) -> int:
+        """Number of increments that follow; −1: all have ended."""
+        return len(self.increments) - 1 - self.at
+
+    def resume(self, ended: Sequence[Any], latest: Sequence[Any]) -> None:
+        """Plan as a run did that is gone on with; its checkpoints as in ``checkpoint.Start``."""
+        for kept in (known := [*ended, *latest[-1:]]):
+            if kept.load_steps < len(self.now):
+                self._split(self.now.one_by_one)
+            while self.now.end > kept.notes["part"][1]:
+                self._split(self.now.halves)
+            if kept.ended:
+                self.passed(kept.notes["met"], kept.notes["reason"], 0)
+        if known:
+            self.at, self.known, self.path = 0, len(ended), list(known[-1].notes["path"])
+
+    def smaller(self, now: Evaluation, most: int) -> str:
+        """Return why the increment is to be solved again in smaller steps; empty: it is not.
+
+        most : iterations that are allowed in all
+        """
+        parts = self._parts()
+        if not parts or now.number + len(parts) + self.left > most:
+            return ""
+        reason, residual = now.verdict.reason, now.verdict.laws.largest_other
+        if residual <= FALLS * self.least[0]:
+            self.least = residual, now.number
+        if not reason and now.number >= self.least[1] + PATIENCE:
+            return UNSETTLED
+        # in smaller parts springs would carry less, but a number for them is what it is
+        asked = reason == HELD and len(self.now) == 1 and self.asked
+        return reason if now.verdict.led and not asked else ""
+
+    def split(self, why: str, after: int) -> str:
+        """Have the increment solved again in smaller steps; return what a user is told."""
+        single = len(self.now) == 1
+        self._tell(why, after)
+        self._split(self._parts())
+        return path_sentence(self.path[-1]) if single else ""
+
+    def passed(self, converged: bool, reason: str, after: int) -> None:
+        """Go on to the next increment: of a load step a part of which does not converge, all that
+        is left is tried as a whole.
+        """
+        now, self.converged = self.now, converged
+        if not converged and now.end < 1:
+            rest = [x for x in self.increments[self.at + 1:] if x.steps != now.steps]
+            self.increments[self.at + 1:] = [Increment(now.steps, now.end), *rest]
+            if self.at >= self.known:
+                self._tell(reason, after, stuck=True)
+        self.at += 1
+
+    def _parts(self) -> list[Increment]:
+        """Parts in which the increment would be solved again; none where the way to a load does not
+        count.
+        """
+        now = self.now
+        if not self.has_history:
+            return []
+        if len(now) > 1:
+            return now.one_by_one
+        stuck = now.begin > 0 and not self.converged
+        vain = self.proportional and now.steps.start == 0 and now.begin == 0
+        return now.halves if self.halves and not (stuck or vain) else []
+
+    def _split(self, parts: Sequence[Increment]) -> None:
+        self.increments[self.at:self.at + 1] = parts
+
+    def _tell(self, why: str, after: int, stuck: bool = False) -> None:
+        now, numbers = self.now, self.numbers[self.now.steps]
+        self.path.append({"load_steps": [int(numbers[0]), int(numbers[-1])],
+                          "part": [now.begin, now.end], "why": why, "after": after,
+                          "stuck": stuck})
 
 
 def part_of(d: Decomposition, part: Increment, before: History | None,
