@@ -10,7 +10,7 @@ that following does not go with, or where the second run does not converge.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from glob import escape
 
 from orchestrator.config.boundary import Entry
@@ -33,78 +33,54 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
     built : what makes the scene of a configuration
     solve : solves a configuration on a scene; iterations are counted from the start
     """
-    slid = _slid(config, first) if first.converged and first.met is not None else {}
+    slid = _slid(config, first) if first.converged and first.met is not None else []
     if not slid:
         return first
-    many = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element"
-    told, said = [], []
-    config_then, scene = _following(config, first, slid, built, said)
-    result = first
+    told, scene, pairs, far = [], None, {}, first.met.slides[slid[0].name]
+    for i in slid:  # of two bodies, in pieces, one entry
+        pairs.setdefault(tuple(first.scene.subdomains[e].name for e in i.subdomains), i)
+    fixed = {pair: _stays(config, first, i) for pair, i in pairs.items()}
+    while scene is None and (left := [pair for pair, reason in fixed.items() if not reason]):
+        then = config.model_copy(update={"interfaces": [
+            *config.interfaces, *(_entry(config, pairs[pair], pair) for pair in left)]})
+        try:
+            scene = built(then)
+        except InputError as error:
+            wrong = {p.path[1] - len(config.interfaces): p.found for p in error.problems
+                     if p.path[0] == "interfaces" and len(p.path) > 1}
+            wrong = {pair: wrong[k] for k, pair in enumerate(left) if k in wrong}
+            fixed |= wrong or dict.fromkeys(left, error.problems[0].found)
     if scene is not None:
-        second = solve(config_then, scene,
-                       Start(iteration=first.iterations,
-                             sweeps=first.summary["sweeps"]["iterations"]))
+        many = f"{some([i.name for i in slid])} slid by up to {far:.2g} of an element"
+        second = solve(then, scene, Start(iteration=first.iterations,
+                                          sweeps=first.summary["sweeps"]["iterations"]))
         spent = second.iterations - first.iterations
         if second.converged:
             told.append(
                 f"{many}: paired anew where they are, in {spent} more iterations; of sides that "
                 "follow no energy error is known")
-            second.summary["config"], result = config.complete(), second
+            second.summary["config"], first = config.complete(), second
         else:
             told.append(
                 f"{many}: with sides paired anew where they are the run has not converged "
                 f"({second.stop_reason}, {spent} iterations), and forces act where they did before "
                 "loading")
-    result.summary["warnings"] = [*told, *result.summary["warnings"], *said]
-    return result
-
-
-def _slid(config: Config, solution: Solution) -> dict[str, float]:
-    """How far sides have slid that may follow, the farthest first."""
-    far = solution.met.slides
-    auto = {i.name for i in solution.scene.interfaces if i.entry >= 0
-            and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
-    return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto
-            and far[name] > FIFTH}
-
-
-def _following(config: Config, first: Solution, slid: Mapping[str, float],
-               built: Callable[[Config], Scene],
-               said: list[str]) -> tuple[Config, Scene | None]:
-    """The configuration under which those that can follow do so, and its scene; None where none
-    can. ``said`` learns why.
-    """
-    scene, pairs, why = first.scene, {}, _stays(config, first.scene)
-    for name in slid:
-        pairs.setdefault(tuple(scene.subdomains[e].name for e in _named(scene, name).subdomains),
-                         name)
-    fixed = {pair: why or _cannot(first, name) for pair, name in pairs.items()}
-    while left := [pair for pair, reason in fixed.items() if not reason]:
-        then = config.model_copy(
-            update={"interfaces": [*config.interfaces,
-                                   *(_entry(config, _named(scene, pairs[p]), p) for p in left)]})
-        try:
-            found = then, built(then)
-            break
-        except InputError as error:
-            told = {p.path[1] - len(config.interfaces): p.found for p in error.problems
-                    if p.path[0] == "interfaces" and len(p.path) > 1}
-            wrong = {k: text for k, text in told.items()
-                     if 0 <= k < len(left)} or dict.fromkeys(
-                         range(len(left)), error.problems[0].found)
-            fixed |= {left[k]: text for k, text in wrong.items()}
-    else:
-        found = config, None
+    said = []
     for reason in dict.fromkeys(filter(None, fixed.values())):
-        names = [pairs[pair] for pair, own in fixed.items() if own == reason]
+        names = [pairs[pair].name for pair, own in fixed.items() if own == reason]
         said.append(
             f"{some(names)} {'is' if len(names) == 1 else 'are'} not paired anew where sides have "
             f"slid to: {reason}")
-    return found
+    first.summary["warnings"] = [*told, *first.summary["warnings"], *said]
+    return first
 
 
-def _named(scene: Scene, name: str) -> Interface:
-    return next(i for i in scene.interfaces if i.name == name)
+def _slid(config: Config, solution: Solution) -> list[Interface]:
+    """Return the interfaces whose sides have slid that may follow, the farthest first."""
+    far = solution.met.slides
+    auto = [i for i in solution.scene.interfaces if far.get(i.name, 0.0) > FIFTH and i.entry >= 0
+            and getattr(config.interfaces[i.entry], "pairing", "") == "auto"]
+    return sorted(auto, key=lambda i: -far[i.name])
 
 
 def _entry(config: Config, i: Interface, pair: tuple[str, str]) -> Entry:
@@ -117,22 +93,16 @@ def _entry(config: Config, i: Interface, pair: tuple[str, str]) -> Entry:
                                     "pairing": "follow"})
 
 
-def _stays(config: Config, scene: Scene) -> str:
-    """Why pairs stay as they are in all of a scene; empty: they need not."""
-    method = config.method
+def _stays(config: Config, first: Solution, i: Interface) -> str:
+    """Return why the pairs of an interface stay as they are, as far as it shows before it is tried;
+    empty: they need not.
+    """
+    method, cut = config.method, [first.scene.subdomains[e] for e in i.subdomains]
     return next((why for there, why in (
-        (config.refines, "an accuracy is asked for"),
         (method.tolerance.error == "auto", "the tolerance follows the mesh's error"),
         (method.macro.on == "all", "the macro problem is on all interfaces"),
         (method.increment not in ("auto", 1), "several load steps are solved together"),
-        (scene.remembers, "matter is nonlinear")) if there), "")
-
-
-def _cannot(first: Solution, name: str) -> str:
-    """Why an interface cannot follow, as far as it shows before it is tried; empty: it may."""
-    one, two = (first.scene.subdomains[e] for e in _named(first.scene, name).subdomains)
-    if one.body != one.name or two.body != two.name:
-        return "bodies are cut further"
-    if first.met.common[first.met.names.index(name)]:
-        return "they share faces of one mesh"
-    return ""
+        (first.scene.remembers, "matter is nonlinear"),
+        (any(s.body != s.name for s in cut), "bodies are cut further"),
+        (first.met.common[first.met.names.index(i.name)], "they share faces of one mesh"))
+        if there), "")

@@ -2,9 +2,16 @@
 change the problem, or tell something.
 
 To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where
-it is to be asked. It sees what those before it have said as ``evaluation.verdict``. With several
-ranks all of them ask all monitors: what is compared has to be the same everywhere, as sums over the
-ranks are.
+it is to be asked. Hooks, all optional but ``judge``:
+
+    of(case)                    a monitor for load steps that are solved together, or None
+    judge(now)                  what it says of an iteration; ``now.verdict``: those before it
+    change(now)                 the problem of the next iteration, where its verdict says so
+    passed(d, ended, left)      what the next increment begins with
+    found(problem)              what is delivered of it
+
+With several ranks all of them ask all monitors: what is compared has to be the same everywhere, as
+sums over the ranks are.
 """
 
 from __future__ import annotations
