@@ -114,10 +114,8 @@ class _Refinement:
                                quiet=True, means=self._means(), **options)
             except (OrchestratorError, Elsewhere) as error:
                 cause = team.cause(error)
-                fault = not isinstance(cause,
-                                       OrchestratorError) or isinstance(
-                                           cause,
-                                           InternalError) and cause.exit_code != BLACKBOX_FAILED
+                fault = not isinstance(cause, OrchestratorError) or isinstance(
+                    cause, InternalError) and cause.exit_code != BLACKBOX_FAILED
                 if fault or not put_back(folder):
                     raise
                 team.part(cause)
@@ -219,10 +217,10 @@ class _Refinement:
         asked, done, mesh = self.asked, self.passes.done, solution.scene.mesh
         least = asked.smallest or 0.0
         errors, goal = [before.estimated for before in done], energy.goal(self.follows)
+        *_, third, second, last = [math.inf] * 2 + errors
         if goal <= 0:
             self.why = f"the iterations alone leave {energy.iterations:.1e}"
-        elif len(done) > 2 and not energy.met and errors[-1] > STALLED * errors[
-            -2] > STALLED**2 * errors[-3]:
+        elif not energy.met and last > STALLED * second > STALLED**2 * third:
             self.why = (f"the error has stayed above {STALLED:.0%} of the mesh's before, twice"
                         + (f", with elements no smaller than {least:g}" if least else ""))
         if self.why:

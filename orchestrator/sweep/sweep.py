@@ -89,8 +89,7 @@ class Sweep:
             before: dict[str, Outcome] = {}
             # notes of an earlier sweep, where there are any that can be read
             with suppress(OSError, ValueError, KeyError, TypeError):
-                for one in json.loads((self.folder / NOTES).read_bytes())[
-                    "variants"] if resume else ():
+                for one in json.loads((self.folder / NOTES).read_bytes())["variants"] * resume:
                     before[one["name"]] = Outcome(one["exit_code"], fingerprint=one["fingerprint"])
             screen = Screen(self.variants, self.quiet)
             try:
@@ -145,9 +144,8 @@ class Sweep:
         problems.raise_if_any()
         told["output"] = {key: value for key, value in told["output"].items()
                           if key not in ("directory", "figures")}
-        known = json.dumps(told,
-                           sort_keys=True) + digest_of(
-                               problem_of(config.complete(), body.mesh.nodes, body.mesh.cells))
+        known = json.dumps(told, sort_keys=True) + digest_of(problem_of(
+            config.complete(), body.mesh.nodes, body.mesh.cells))
         return hashlib.sha256(known.encode()).hexdigest()
 
     def _write(self) -> None:

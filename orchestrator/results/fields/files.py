@@ -181,10 +181,9 @@ def _in_order(sizes: Sequence[int]) -> list[int]:
 
 def _kind(name: str, values: np.ndarray) -> str:
     """Return what is said of an array's numbers."""
-    kind = {"i": "Int", "u": "UInt",
-            "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
-    return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"'
-                                             if values.ndim > 1 else "")
+    kind = {"i": "Int", "u": "UInt", "f": "Float"}[values.dtype.kind]
+    wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+    return f'type="{kind}{8 * values.dtype.itemsize}" Name="{name}"{wide}'
 
 
 def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str],

@@ -143,8 +143,8 @@ def outer_surface(fields: Fields, kept: np.ndarray) -> PolyData:
     kind = {4: pyvista.CellType.TETRA, 10: pyvista.CellType.QUADRATIC_TETRA}[cells.shape[1]]
     grid = pyvista.UnstructuredGrid({kind: cells[kept].astype(np.int64)},
                                     np.asarray(fields.opened.nodes[node], float))
-    grid.point_data["place"], grid.cell_data["subdomain"] = np.arange(len(node)), fields.subdomain[
-        kept]
+    grid.point_data["place"] = np.arange(len(node))
+    grid.cell_data["subdomain"] = fields.subdomain[kept]
     outer = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1,
                                  pass_pointid=False, pass_cellid=False)
     place = np.asarray(outer["place"], np.int64)[outer.regular_faces]
