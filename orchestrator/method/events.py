@@ -31,17 +31,19 @@ class Iteration:
 
     values : name → number, each an attribute too:
 
-        - iteration: linear stages after set-up; sweeps: back-substitutions per subdomain and load step so far, set-up included;
-          seconds: since the run began
-        - indicator: the paper's η, eq. 16, a squared ratio; displacement_jump: ‖B w‖ relative, weighted by the search direction;
-          force_imbalance: ‖A f‖ relative, weighted by its inverse; residual: ‖s_new − s‖ relative
+        - iteration: linear stages after set-up; sweeps: back-substitutions per subdomain and load
+          step so far, set-up included; seconds: since the run began
+        - indicator: the paper's η, eq. 16, a squared ratio; displacement_jump: ‖B w‖ relative,
+          weighted by the search direction; force_imbalance: ‖A f‖ relative, weighted by its
+          inverse; residual: ‖s_new − s‖ relative
         - macro_imbalance: largest size of Cᵀf over the interfaces, relative; 0 to rounding, eq. 17
-        - error_bound: guaranteed bound on the relative energy error; true_error: against the undecomposed solution;
-          law_residual: the largest measure of ``law_residuals``; discretisation_error: latest estimate, relative, energy norm;
-          nan where there is none
-        - coarse_left: imbalance that the coarse contact problem left, over that at its start, of the worst load step;
-          newton_steps: of it so far, all load steps together
-        - far_bodies: bodies that have moved further than small displacements allow, and still are there
+        - error_bound: guaranteed bound on the relative energy error; true_error: against the
+          undecomposed solution; law_residual: the largest measure of ``law_residuals``;
+          discretisation_error: latest estimate, relative, energy norm; nan where there is none
+        - coarse_left: imbalance that the coarse contact problem left, over that at its start, of
+          the worst load step; newton_steps: of it so far, all load steps together
+        - far_bodies: bodies that have moved further than small displacements allow, and still are
+          there
         - what further monitors tell; each has a column
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
     state : (steps, dofs) the best state s so far

@@ -145,7 +145,8 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
     return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event,
                     history or [event.without_state()],
                     {monitor.name: monitor.found(problem) for monitor in latin.monitors}, problem,
-                    met=() if problem.all_perfect else [(problem.local.pairs, problem.local.before)])
+                    met=() if problem.all_perfect
+                    else [(problem.local.pairs, problem.local.before)])
 
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it

@@ -134,12 +134,12 @@ STOPS = "error bound stands still"
 
 
 class LawCriterion(Criterion):
-    """Equilibrium and the laws, or η, where matter is nonlinear the fixed point's residual too; then
-    the energy error, where it is asked for.
+    """Equilibrium and the laws, or η, where matter is nonlinear the fixed point's residual too;
+    then the energy error, where it is asked for.
 
     certified : whether it is
-    at, residual, energy_error : iteration, law residual and E of the last evaluation; infinite before
-        the first
+    at, residual, energy_error : iteration, law residual and E of the last evaluation; infinite
+        before the first
     since : the same of the evaluation that E has to fall below
     asked : E when springs were last asked to become weaker
     waited : how often E stood still though laws hold well

@@ -66,7 +66,8 @@ class Weakening(Monitor):
             self.least = verdict.laws.springs, now.number
         if verdict.changes or verdict.reason or now.last:
             return Verdict()
-        changes = self.stands(now) if problem.coarse.anew else self.due(verdict, problem.local.pairs.springs)
+        changes = self.stands(now) if problem.coarse.anew else self.due(verdict,
+                                                                        problem.local.pairs.springs)
         return Verdict(False, changes=(self.name,), anew=True) if changes else Verdict()
 
     def stands(self, now: Evaluation) -> bool:

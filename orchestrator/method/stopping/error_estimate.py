@@ -1,4 +1,6 @@
-"""Errors of an answer in the energy norm, whoever finds them: one class, so that all are told alike."""
+"""Errors of an answer in the energy norm, whoever finds them: one class, so that all are told
+alike.
+"""
 
 from __future__ import annotations
 
