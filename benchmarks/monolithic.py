@@ -104,10 +104,12 @@ class Monolithic:
     Parameters
     ----------
     scene : the problem
+
+    tolerance, most : residual that Newton's method is satisfied with; its steps at most
     """
 
     def __init__(self, scene: Scene):
-        self.scene = scene
+        self.scene, self.tolerance, self.most = scene, TOLERANCE, MAX_NEWTON
         self.offsets = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
         self.K = sp.csr_array(sp.block_diag([_stiffness(scene, s) for s in scene.subdomains]))
         self.free = ~np.concatenate([s.fixed.ravel() for s in scene.subdomains])
@@ -176,7 +178,7 @@ class Monolithic:
             first = found[3] if first is None else first
             if best is None or found[2] < best[2]:
                 best = found
-            if best[2] <= TOLERANCE:
+            if best[2] <= self.tolerance:
                 break
             given = self._parts(best[0]), best[1]
         u, force, residual = best[:3]
@@ -204,7 +206,7 @@ class Monolithic:
         start = value = size(now, force)
         best, merit, count = (u, force, value), np.inf, 0
         eye = np.eye(3)
-        while value > TOLERANCE and count < MAX_NEWTON:
+        while value > self.tolerance and count < self.most:
             slope = np.where(self.pairs.contact[:, None, None], eye, now[2]) if cold and count == 0 else now[2]
             # (I − A + SOFT) δλ = −Φ + c A D δu, pair by pair; then the displacements alone are left
             inverse = np.linalg.inv((1 + SOFT) * eye - slope)

@@ -13,7 +13,7 @@ from orchestrator.results.extremes import extremes
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh import quadratic
+from orchestrator.scene.mesh.quadratic import choose_element
 
 EXACT = 1e-9  # of quantities of order 1: what iterations to 1e-11 leave of them
 FORCE, MOMENT, LENGTH, YOUNG = 3.0, 2.0, 4.0, 1000.0
@@ -190,7 +190,7 @@ def test_points_where_parts_meet_take_a_word(tmp_path):
     assert done.exit_code == 0, done.stderr
 
 
-def test_the_element_is_chosen_and_says_why(monkeypatch):
+def test_the_element_is_chosen_and_says_why():
     """Bending, ν, size: each in words; what was chosen is what is solved, to the last bit."""
     def chosen(size=(4, 1, 1), cells=(4, 2, 2), poisson=0.0):
         changes = {"mesh": {"box": {"size": list(size), "cells": list(cells)}}, "materials": [{"young": YOUNG, "poisson": poisson}],
@@ -200,12 +200,9 @@ def test_the_element_is_chosen_and_says_why(monkeypatch):
     thin, soft, thick = chosen(), chosen(poisson=0.49), chosen((1, 1, 1), (12, 12, 12))
     assert "stiff in bending" in str(thin.element) and "lock" in str(soft.element) and "more accuracy" in str(thick.element)
     assert all(scene.mesh.cells.shape[1] == 10 for scene in (thin, soft, thick))
-    monkeypatch.setattr(quadratic, "LARGEST", 100)
-    large, both = chosen(poisson=0.3), chosen(poisson=0.49)
-    assert large.mesh.cells.shape[1] == 4 and str(large.element).startswith("P1: ten-node tets would have")
-    assert "across a part" in str(large.element)
-    assert "element: P2 is better" in str(both.element)
-    monkeypatch.undo()
+    large, both = choose_element(1_600_000, 0.3), choose_element(1_600_000, 0.49)
+    assert str(large).startswith("P1: ten-node tets would have") and "across a part" in str(large)
+    assert both.element == "P1" and "element: P2 is better" in str(both)
     one, other = (solve(config_from(bar(blackbox=IN_PROCESS | {"element": name}, output={}))) for name in ("auto", "P2"))
     assert (one.displacement == other.displacement).all() and one.summary["element"].startswith("P2: ") and other.summary["element"] is None
     assert dict(summary_rows(one.summary))["element"] == one.summary["element"]

@@ -20,8 +20,8 @@ BAR = {"blackbox": IN_PROCESS, "output": {"fields": True, "figures": True}}
 
 
 @pytest.fixture
-def stopped(monkeypatch):
-    """Those who draw stand still."""
+def stopped(monkeypatch, request):
+    """Those who draw stand still; a parameter says for how long they are waited for."""
     made = []
 
     class Still(Artist):
@@ -30,15 +30,18 @@ def stopped(monkeypatch):
             made.append(self._process.pid)
             os.kill(self._process.pid, signal.SIGSTOP)
 
+        def finish(self):
+            return super().finish(getattr(request, "param", 300.0))
+
     monkeypatch.setattr(artists, "Artist", Still)
     yield
     assert made and gone(made)
 
 
 @pytest.mark.long
-def test_a_process_that_stands_still_is_given_up(tmp_path, monkeypatch, stopped):
+@pytest.mark.parametrize("stopped", [0.5], indirect=True)
+def test_a_process_that_stands_still_is_given_up(tmp_path, stopped):
     """Exit code, fields and summary are those of the run, charts are drawn here; the summary says what is missing, and how to get it."""
-    monkeypatch.setattr(artists, "PATIENCE", 0.5)
     assert run(Loaded(config(**BAR)), output=tmp_path, quiet=True) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["converged"] and (tmp_path / "fields.npz").exists()

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from benchmarks import monolithic
 from contact_case import BOTTOM, TOP, contact
 from in_process import IN_PROCESS
 from mortar_case import TWO, blocks, free_mesh
@@ -32,8 +31,7 @@ BONDED = [{"law": "contact", "friction": 0.0}, {"between": ["block 0-0-0", "bloc
 
 def closely(patch):
     """Lets the error be known to ``CLOSE``, from above or by the tail of the conjugate gradients."""
-    patch.setattr(certificate, "Enough", partial(dual_energy.Enough, share=CLOSE))
-    patch.setattr(dual_energy, "RELATIVE_TAIL", CLOSE)
+    patch.setattr(certificate, "Enough", partial(dual_energy.Enough, share=CLOSE, tail=CLOSE))
 
 
 def apart(friction, path):
@@ -60,10 +58,8 @@ SCENES = {
 def exact_to_rounding(scene):
     """The solution in one piece, some Newton steps beyond what it is satisfied with."""
     exact = Exact(scene)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(monolithic, "TOLERANCE", 0.0)
-        patch.setattr(monolithic, "MAX_NEWTON", 4)
-        exact.steps = exact.monolithic.solve([(step.parts, step.force) for step in exact.steps])
+    exact.monolithic.tolerance, exact.monolithic.most = 0.0, 4
+    exact.steps = exact.monolithic.solve([(step.parts, step.force) for step in exact.steps])
     exact.u = np.array([np.concatenate([part.ravel() for part in step.parts]) for step in exact.steps])
     return exact
 

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,9 +25,9 @@ from orchestrator.ending import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.method.stopping.softest import STEPS as SOFTNESS
 from orchestrator.folders import read_arrays
-from orchestrator.results.checkpoint import load_checkpoint, read_file
+from orchestrator.results.checkpoint import load_checkpoint, read_file, VERSION
 from orchestrator.results.keeping import CheckpointWriter
-from orchestrator.results.fingerprint import differences, problem_of
+from orchestrator.results.fingerprint import differences, digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.run import run, solve
@@ -471,6 +472,17 @@ def test_one_run_in_a_folder(tmp_path):
         pass
 
 
+def aged(folder: Path) -> None:
+    """Make a checkpoint one of an earlier version."""
+    problem = json.loads((folder / "problem.json").read_text()) | {"version of checkpoints": "7"}
+    (folder / "problem.json").write_text(json.dumps(problem))
+    for file in folder.glob("iteration-*.npz"):
+        with np.load(file) as kept:
+            arrays = dict(kept)
+        about = json.loads(bytes(arrays["about"])) | {"problem": digest_of(problem)}
+        np.savez(file, **arrays | {"about": np.frombuffer(json.dumps(about).encode(), np.uint8)})
+
+
 def test_resumed_with_another_file(tmp_path, monkeypatch):
     """Refused, and the message says which file it was; with the old one it goes on."""
     (tmp_path / "warm.csv").write_text("".join(f"{x}, {y}, {z}, 20.5\n" for x, y, z in itertools.product(
@@ -490,9 +502,10 @@ def test_resumed_with_another_file(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"another problem: loads\[0\].temperature.file \(content of warm.csv\) is another one"):
         run(case, output=out, resume=True, quiet=True)
     (tmp_path / "warm.csv").write_text(before)
-    with monkeypatch.context() as patch, pytest.raises(InputError, match="version of checkpoints: 9, now 10"):
-        patch.setattr("orchestrator.results.record.VERSION", 10)
-        run(case, output=out, resume=True, quiet=True)
+    shutil.copytree(out, old := tmp_path / "old")
+    aged(old / "checkpoint")
+    with pytest.raises(InputError, match=f"version of checkpoints: 7, now {VERSION}"):
+        run(case, output=old, resume=True, quiet=True)
     assert run(case, output=out, resume=True, quiet=True) == 0
 
 

@@ -262,7 +262,7 @@ def test_measures_have_the_units_that_they_are_divided_by(name, keys):
     random, a, b = np.random.default_rng(3), 7.0, 0.01
     law = LAWS[name].of(LAWS[name].Parameters(law=name, **keys), COUNT, 1.0)
     points, (force, jump, answered, before) = points_of(law, random), random.normal(size=(4, 3, COUNT))
-    status, own = np.full((1, COUNT), int(SLIP)), {v.name: random.random((1, COUNT)) for v in law.variables}
+    status, own = np.full((1, COUNT), int(SLIP)), {name: random.random((1, COUNT)) for name in law.variables}
     powers = {"gap": b, "friction": 1.0, "first": b, "last": b}  # of all else: stiffnesses
     scaled = Points(points.normal, points.stiff_n * a / b, points.stiff_t * a / b, points.area,
                     {key: value * powers.get(key, a / b)

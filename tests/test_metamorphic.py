@@ -93,7 +93,8 @@ def test_wrong_answers_are_seen(monkeypatch):
     def halved(data, rng):
         return Variant({**data, "histories": {"h": [0.5, 0.999]}})
 
-    monkeypatch.setattr(judges, "RELATIONS", {"forgetful": forgetful, "halved": halved})
+    monkeypatch.setitem(RELATIONS, "forgetful", forgetful)
+    monkeypatch.setitem(RELATIONS, "halved", halved)
     assert set(judge(TWO, ["forgetful", "halved"]).findings.values()) == {"disagree"}
     first = answer(TWO)
     first.solution.parts[0][:] *= 1.001
@@ -121,6 +122,6 @@ def test_what_the_study_needs_is_told(tmp_path, monkeypatch):
 def test_refusals_are_no_findings_unless_the_first_scene_was_sound(monkeypatch):
     unsound = {**TWO, "boundary": TWO["boundary"][1:]}
     assert judge(unsound, ["renamed"]).outcome == REFUSED
-    monkeypatch.setattr(judges, "RELATIONS", {"unheld": lambda data, rng: Variant(unsound)})
+    monkeypatch.setitem(RELATIONS, "unheld", lambda data, rng: Variant(unsound))
     assert judge(TWO, ["unheld"]).findings == {"unheld": "refused otherwise"}
     assert "refused otherwise" in FINDINGS

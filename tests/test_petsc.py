@@ -58,19 +58,19 @@ def test_either_engine_finds_what_one_process_finds(ranks, tmp_path):
 
 def test_what_is_lacking_is_told(monkeypatch, tmp_path):
     """Nothing installed, a binding for another Python, and one that was made for another numpy."""
-    monkeypatch.setattr(petsc, "DEBIAN", str(tmp_path))
     monkeypatch.delenv("PETSC_DIR", raising=False)
     monkeypatch.setattr(petsc, "absent", lambda name: not any((Path(path) / name).is_dir() for path in sys.path))
     monkeypatch.setattr(sys, "path", [])
-    assert "petsc4py is not installed" in petsc.lacking() and "./setup.sh cluster" in petsc.lacking()
+    assert "petsc4py is not installed" in petsc.lacking(str(tmp_path))
+    assert "./setup.sh cluster" in petsc.lacking(str(tmp_path))
     binding = tmp_path / "petsc3.18/x86_64-linux-gnu-real/lib/python3/dist-packages/petsc4py"
     (binding / "lib").mkdir(parents=True)
-    assert "is not for Python" in petsc.lacking()
+    assert "is not for Python" in petsc.lacking(str(tmp_path))
     (binding / f"lib/PETSc.{sys.implementation.cache_tag}-x86_64-linux-gnu.so").touch()
     (binding / "__init__.py").write_text('__version__ = "3.18.5"')
     monkeypatch.setitem(sys.modules, "petsc4py", None)
     del sys.modules["petsc4py"]
     monkeypatch.setattr(petsc.np, "__version__", "2.4.6")
-    assert "petsc4py 3.18.5 goes with numpy below 2, and numpy 2.4.6 is here" in petsc.lacking()
+    assert "petsc4py 3.18.5 goes with numpy below 2, and numpy 2.4.6 is here" in petsc.lacking(str(tmp_path))
     monkeypatch.setattr(petsc.np, "__version__", "1.26.4")
-    assert petsc.lacking() == "" and sys.path == [str(binding.parent)]
+    assert petsc.lacking(str(tmp_path)) == "" and sys.path == [str(binding.parent)]

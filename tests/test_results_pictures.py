@@ -15,7 +15,6 @@ from processes import gone
 
 from orchestrator.errors import InputError
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
 from orchestrator.results.figures.plotting import exaggeration
 from orchestrator.results.figures.figures import write_figures
@@ -169,12 +168,11 @@ def test_a_process_that_fails_is_noticed(tmp_path, monkeypatch, how):
     """One that hangs has not even read the job, which is more than a pipe takes in."""
     if how == "is no program":
         monkeypatch.setattr(sys, "executable", "/nothing")
-    monkeypatch.setattr(artists, "PATIENCE", 0.5 if how == "hangs" else 60.0)
     with Artist() as artist:
         process = artist._process and artist._process.pid
         if how != "is no program":
             os.kill(process, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
         artist.begin(write_figures, ResultsFolder(tmp_path), case.summary(ballast="x" * 10**6), case.history(), case.fields())
         with pytest.raises(CannotDraw, match="was not done" if how == "hangs" else "cannot draw"):
-            artist.finish()
+            artist.finish(0.5 if how == "hangs" else 60.0)
     assert (process is None or gone([process])) and not (tmp_path / "figures").exists()

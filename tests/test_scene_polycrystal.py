@@ -96,7 +96,10 @@ def test_soundness_sees_what_is_wrong():
 
 
 def test_seeds_run_out(monkeypatch):
-    monkeypatch.setattr(polycrystal, "ROUND", 0.9)
+    def fails(dimension):
+        raise Exception("overlapping facets")
+
+    monkeypatch.setattr(gmsh.model.mesh, "generate", fails)
     with pytest.raises(InputError) as caught:
         made(grains=2, h=0.4)
     [problem] = caught.value.problems

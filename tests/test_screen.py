@@ -18,8 +18,8 @@ from rich.console import Console
 from orchestrator.blackbox.shared import LOADING
 from orchestrator.method.events import Finished
 from orchestrator.results import progress as progresses
-from orchestrator.results.progress import Progress, Remaining
-from orchestrator.timing import Doing
+from orchestrator.results.progress import EACH, Progress, Remaining, START
+from orchestrator.timing import Doing, SLOW
 from orchestrator.results.summary.lines import print_summary, summary_rows
 
 ROOT = Path(__file__).parents[1]
@@ -66,11 +66,13 @@ class Screen(io.StringIO):
         return True
 
 
-def test_a_file_gets_lines_of_plain_text_from_time_to_time(monkeypatch):
-    monkeypatch.setattr(progresses, "EVERY", 0.05)
-    monkeypatch.setattr(progresses, "OFTEN", 0.05)
+class Often(Progress):
+    every, often = 0.05, 0.02
+
+
+def test_a_file_gets_lines_of_plain_text_from_time_to_time():
     stream = io.StringIO()
-    with closing(Progress(stream=stream, label="variant 1 of 2")) as progress:
+    with closing(Often(stream=stream, label="variant 1 of 2")) as progress:
         progress.stage("meshing")
         time.sleep(0.2)
         for i in range(1, 4):
@@ -87,17 +89,14 @@ def test_a_file_gets_lines_of_plain_text_from_time_to_time(monkeypatch):
 
 def test_a_terminal_counts_seconds_while_nothing_is_foreseen(monkeypatch):
     """As long as gmsh meshes, or loops are compiled; on a busy machine all takes longer."""
-    monkeypatch.setattr(progresses, "OFTEN", 0.02)
-    with closing(Progress(stream=(stream := Screen()))) as progress:
+    with closing(Often(stream=(stream := Screen()))) as progress:
         progress.stage("meshing")
         time.sleep(1.7)
         monkeypatch.setattr(progresses.Compiled, "compiling", True)
         time.sleep(0.1)
     said = stream.getvalue()
     assert "meshing · 1 s" in said and "meshing · 2 s" in said and "meshing, compiling its loops · 2 s" in said
-    quiet, busy = (Remaining(1000, 1, True).after for slow in (1.0, 5.0)
-                   if not monkeypatch.setattr(progresses, "SLOW", slow))
-    assert busy == pytest.approx(5 * quiet)
+    assert Remaining(1000, 1, True).after == pytest.approx(SLOW * (START + EACH * 1000))
 
 
 @pytest.mark.parametrize("width", [12, 40, 60, 120])

@@ -136,11 +136,11 @@ def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
 def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, number, ends):
     """A real process between the pipes: what a thousandth in one reply leads to, beside a sound solution."""
     small = {**falsified.PROBLEMS["bonded"], "mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [4, 1, 1]}}}
-    monkeypatch.setattr(falsified, "PROBLEMS", {"bonded": small})
+    monkeypatch.setitem(falsified.PROBLEMS, "small", small)
     study = Study("falsified", "one fault", tmp_path)
-    exact = solve(config_from(falsified.problem("bonded")), study.scene(falsified.problem("bonded")))
+    exact = solve(config_from(falsified.problem("small")), study.scene(falsified.problem("small")))
     fault = {"kind": kind, "how": "reply" if kind == "fields" else "entry", "number": number, "size": 1e-3, "seed": 5}
-    falsified.attempt(study, "bonded", fault, exact, falsified.TOLERANCE)
+    falsified.attempt(study, "small", fault, exact, falsified.TOLERANCE)
     (row,) = study.rows
     assert row["silent_wrong"] == "no" and ends in (None, row["outcome"]), row
     assert row["outcome"] != "refused" or row["message"].startswith("guard: ")

@@ -85,19 +85,6 @@ class Written:
     own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Variable:
-    """A number that a law remembers of each pair from load step to load step: 0 before the first
-    one.
-
-    name : in ``points[name]``, in ``Answer.own`` and in the files of the interfaces
-    meaning : in the report
-    """
-
-    name: str
-    meaning: str
-
-
 class Moves(IntEnum):
     """How the sides of an interface may move against each other."""
 
@@ -116,7 +103,9 @@ class Facts:
     formula, meaning : in the report
     statuses : what its pairs can do
     measures : of its residuals
-    variables : what it remembers of each pair beside its jump, such as a damage
+    variables : names of numbers that it remembers of each pair from load step to load step, such as
+        a damage: 0 before the first one; in ``points[name]``, in ``Answer.own`` and in the files of
+        the interfaces
     moves : how the sides may move
     joins : a body hangs on the interface whatever the load
     convex : its force is the slope of a convex energy of the jump, whatever happened before: load
@@ -139,14 +128,14 @@ class Facts:
     meaning: ClassVar[str] = ""
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
     measures: ClassVar[tuple[Measure, ...]] = ()
-    variables: ClassVar[tuple[Variable, ...]] = ()
+    variables: ClassVar[tuple[str, ...]] = ()
     moves: ClassVar[Moves] = Moves.FREE
     convex: bool = False
     rigidity: float = math.inf
     slips: ClassVar[bool] = False
     distance: np.ndarray | float = 0.0
     given_jump: np.ndarray | None = None
-    loops: ClassVar[Callable[..., Answer] | None] = None
+    loops: ClassVar[Callable | None] = None
 
     @property
     def joins(self) -> bool:
@@ -163,13 +152,11 @@ class Facts:
     as_one: ClassVar[bool]  # the sides deform as one
     axial: ClassVar[bool]
     pairwise: ClassVar[bool]  # it answers pair by pair, whatever other pairs do
-    prices: ClassVar[bool]  # it has an energy
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.perfect, cls.as_one = cls.moves is Moves.TOGETHER, cls.moves is not Moves.FREE
         cls.axial, cls.pairwise = cls.moves is Moves.AXIAL, cls.moves < Moves.AXIAL
-        cls.prices = bool(cls.duality_gap)
 
     @property
     def imposed(self) -> float:
@@ -286,7 +273,7 @@ class Law(Facts):
     # (points, force, jump, previous) → (P,) γ = φ(d) + φ*(λ) − λ·d, an energy ≥ 0 and 0 where force
     # λ and jump d (3, P) agree: φ is the law's energy. The force obeys the law, the jump does not
     # break it. Directions in which the law gives way are free in what the error is measured with
-    duality_gap: ClassVar[Callable[..., np.ndarray] | None] = None
+    duality_gap: ClassVar[Callable | None] = None
 
     @staticmethod
     def carries(points: Points) -> Carries:

@@ -32,7 +32,7 @@ from pydantic import Field
 
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.base import Law, Measure, Stages, Variable, Written
+from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 INTACT = Status(9, "intact", "#66A61E", Hold.ALWAYS, Hold.ALWAYS)
@@ -80,7 +80,7 @@ class Cohesive(Law):
     meaning = (
         "glue that breaks: traction up to the strength, then less, until the toughness is spent")
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
-    variables = (Variable("damage", "0 where the glue is whole, 1 where it is broken"),)
+    variables = ("damage",)  # 0 where the glue is whole, 1 where it is broken
     measures = (
         Measure("glue", "glue",
                 "max |f − (1 − D) K A d| k_eq / (k_eq + (1 − D) K A) / A / max |f| / A",
@@ -137,13 +137,11 @@ class Cohesive(Law):
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The force that law and fields differ by, as the predicted force F would have it."""
+        """The force that law and fields differ by."""
         d_n, across = points.along(at.jump), (1 - at.own["damage"]) * points["stiff"]
         normal = np.where(d_n > 0, across, points["stiff"])
-        e = at.force - points.scaled(normal, across, at.jump)
-        e = points.scaled(points.stiff_n / (points.stiff_n + normal),
-                          points.stiff_t / (points.stiff_t + across), e)
-        return norm(at.force) / points.area, {"glue": norm(e) / points.area}
+        pressure, glue = points.missed(at.force, at.jump, normal, across)
+        return pressure, {"glue": glue}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node, relative to the largest traction and to that of whole glue drawn by the

@@ -19,7 +19,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
 
 SPRUNG = Status(4, "sprung", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 TAUT = Status(5, "taut", "#56B4E9", Hold.PULLED, Hold.ALWAYS)
@@ -124,14 +124,10 @@ class Elastic(Law):
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The force that law and fields differ by, as the predicted force F would have it: neither
-        soft nor stiff
-        springs make it a difference of large numbers."""
+        """The force that law and fields differ by."""
         normal = _normal(points, points.along(at.jump))
-        e = at.force - points.scaled(normal, points["across"], at.jump)
-        e = points.scaled(points.stiff_n / (points.stiff_n + normal),
-                          points.stiff_t / (points.stiff_t + points["across"]), e)
-        return norm(at.force) / points.area, {"spring": norm(e) / points.area}
+        pressure, spring = points.missed(at.force, at.jump, normal, points["across"])
+        return pressure, {"spring": spring}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node, relative to the largest traction and to that of springs stretched by the

@@ -118,6 +118,17 @@ class Points:
         own = self.own | (self._at(step) if self.stepped else {}) | dict(before or {})
         return replace(self, own=own, stepped={})
 
+    def missed(self, force: np.ndarray, jump: np.ndarray, normal: np.ndarray,
+               across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (…, P) tractions of forces (…, 3, P), and of what they differ by from those of
+        springs ``normal`` and ``across`` (…, P) that a jump stretches, as the predicted force would
+        have it: neither soft nor stiff springs make it a difference of large numbers.
+        """
+        e = self.scaled(self.stiff_n / (self.stiff_n + normal),
+                        self.stiff_t / (self.stiff_t + across),
+                        force - self.scaled(normal, across, jump))
+        return norm(force) / self.area, norm(e) / self.area
+
     def lagged(self, force: np.ndarray) -> Points:
         """Return the points of a law that slips with friction of at most what μ allows under forces
         (3, P): Tresca's law, which is convex.

@@ -23,6 +23,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Moves, Stages
+from orchestrator.laws.perfect import Perfect
 from orchestrator.laws.points import Answer, BONDED, Carries, Collective, Hold, Points, Status
 
 TIGHTENED = Status(7, "tightened", "#D55E00", Hold.NEVER, Hold.ALWAYS)
@@ -114,10 +115,9 @@ class Pretension(Law):
              - _one_each(group, points["pull"])) / stiffness
         force = F - np.where(by_force, points.stiff_n * d[group] * points.normal,
                              points.stiffness(previous))
-        answer = Answer(force, np.where(by_force, TIGHTENED, LOCKED))
+        answer = Perfect.force(points, force, previous, derivative)
+        answer.status = np.where(by_force, TIGHTENED, LOCKED)
         if derivative:
-            answer.active = np.arange(len(points))
-            answer.derivative = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, len(points)))
             at = np.flatnonzero(by_force)
             share = (points.stiff_n / stiffness[group])[at]
             answer.collective = Collective(group[at], at, share * points.normal[:, at],

@@ -25,9 +25,6 @@ import scipy.sparse as sp
 from orchestrator.optional import absent
 from orchestrator.parallel.team import Team
 
-# where Debian's PETSc are, each with its binding, which Python finds by itself only where PETSC_DIR
-# is set
-DEBIAN = "/usr/lib/petscdir"
 NUMPY_2 = (3, 21)  # the first binding that goes with numpy 2
 CURE = "./setup.sh cluster makes an environment with Debian's python3-petsc4py, .venv-cluster; conda-forge has petsc4py too"
 # Largest |A x − b| over that of the entries times |x| and b, which a factorisation may leave: as of
@@ -36,12 +33,15 @@ BACKWARD = 1e-11
 OPTIONS = ("-no_signal_handler", "-skip_petscrc")  # signals are ours
 
 
-def lacking() -> str:
+def lacking(installed: str = "/usr/lib/petscdir") -> str:
     """Why there is no PETSc for this Python, and what brings one; empty where there is one. PETSc
     itself is not loaded.
+
+    installed : where Debian's versions are, each with its binding, which Python finds by itself
+        only where PETSC_DIR is set
     """
     if absent("petsc4py"):
-        folders, ours = _folders(), f"petsc4py/lib/PETSc.{sys.implementation.cache_tag}-*"
+        folders, ours = _folders(installed), f"petsc4py/lib/PETSc.{sys.implementation.cache_tag}-*"
         sys.path += [str(folder) for folder in folders if list(folder.glob(ours))][:1]
         if folders and absent("petsc4py"):
             return f"petsc4py in {folders[0]} is not for Python {sys.version_info.major}.{sys.version_info.minor}; {CURE}"
@@ -53,13 +53,13 @@ def lacking() -> str:
     return ""
 
 
-def _folders() -> list[Path]:
+def _folders(installed: str) -> list[Path]:
     """Where bindings may be that Python does not look for, PETSC_DIR's first, then the newest;
     complex numbers are not asked for.
     """
-    asked = [Path(os.environ["PETSC_DIR"])] if os.environ.get("PETSC_DIR") else []
-    found = [path / "lib/python3/dist-packages"
-             for path in [*asked, *sorted(Path(DEBIAN).glob("petsc*/*-real"), reverse=True)]]
+    found = [Path(path) / "lib/python3/dist-packages"
+             for path in [*filter(None, [os.environ.get("PETSC_DIR")]),
+                          *sorted(Path(installed).glob("petsc*/*-real"), reverse=True)]]
     return [path for path in found if (path / "petsc4py").is_dir()]
 
 

@@ -24,7 +24,6 @@ from orchestrator.parallel.team import watched
 from orchestrator.scene.model import Scene
 from orchestrator.timing import LATEST, SLOW, STAGES, Doing, duration, pace_of, seconds_since_launch
 
-EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between two states of one
 ERASE = "\r\x1b[2K"
 RATE = 2.5e-7  # seconds of one worker for a unit of predicted cost, measured with FreeFEM
 FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bonded, with contact
@@ -40,12 +39,14 @@ FIRST = {True: 2e-4, False: 6e-4}
 
 class Progress(Subscriber):
     """A line on the terminal: what is done, the share of the run, the time left. Elsewhere one each
-    ``EVERY`` seconds.
+    ``every`` seconds.
 
     quiet : no output at all
     stream : default: standard output
     label : what the run is of several, put first
     """
+
+    every, often = 10.0, 0.5  # seconds between lines, on a terminal between states of one
 
     def __init__(self, quiet: bool = False, stream: TextIO | None = None, label: str = ""):
         self._stream, self._quiet, self._label = stream or sys.stdout, quiet, label
@@ -115,10 +116,10 @@ class Progress(Subscriber):
 
     def _tick(self) -> None:
         waited = 0.0
-        while not self._closed.wait(OFTEN):
+        while not self._closed.wait(self.often):
             self.line()  # what lasts a second only is seen
-            waited += OFTEN
-            if self._live or waited % EVERY < OFTEN:
+            waited += self.often
+            if self._live or waited % self.every < self.often:
                 self._tell()
 
     def _tell(self) -> None:

@@ -222,7 +222,7 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
         fields = (interfaces.gap[:, at] - i.distances(interfaces.steps)[:, nodes],
                   interfaces.slip[:, at],
                   interfaces.pressure[:, at], interfaces.friction_traction[:, at])
-        variables = {v.name: interfaces.own[v.name][:, at] for v in i.law.variables}
+        variables = {name: interfaces.own[name][:, at] for name in i.law.variables}
         for law, steps in [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)] or [
             (i.law, slice(None))]:
             written = Written(*(x[steps] for x in fields), nodes, length[at],

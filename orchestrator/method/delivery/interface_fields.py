@@ -186,8 +186,8 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
                                             for more in ((), (3,), (), (3,), ()))
     # along the normal and across it
     shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))
-    own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
-           for v in i.law.variables}
+    own = {name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
+           for name in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing():
         at = geometry_shown(scene, chosen)

@@ -28,7 +28,7 @@ from orchestrator.method.interface.rows import ColumnSegments, dots, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bound import ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, Pair
-from orchestrator.method.stopping.dual_energy import CLOSELY, LEFT, Enough, dual_energy
+from orchestrator.method.stopping.dual_energy import LEFT, Enough, dual_energy
 from orchestrator.method.stopping.error_estimate import Judged, relative
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 
@@ -85,7 +85,8 @@ def _answered(certificate: Certificate, bound: Judged, h: np.ndarray) -> np.ndar
         dots(delta, times(certificate.stiffness, delta)) - 2 * dots(delta, h), bound.pair.gap)
     worth = np.minimum(rest + 2 * gap, 0.0)
     nothing = (ROUNDING * certificate.stage.loading.size(bound.energy)) ** 2
-    for share in (CLOSELY, LEFT):  # bodies far softer than others may not be known so well
+    # bodies far softer than others may not be known so well
+    for share in (certificate.closely, LEFT):
         dual = dual_energy(certificate.stage, h, worth, Enough(nothing, share),
                            softness=certificate.softness(), begun=bound.dual)
         if np.isfinite(dual.energy).all():

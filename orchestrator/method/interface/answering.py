@@ -119,9 +119,9 @@ class Answering:
     @staticmethod
     def _own(run: Run, before: History) -> dict[str, np.ndarray]:
         """The law's own variables at its points, as the load step before has left them."""
-        return {v.name: before.own[v.name][run.part] if v.name in before.own
+        return {name: before.own[name][run.part] if name in before.own
                 else np.zeros(len(run.points))
-                for v in run.law.variables}
+                for name in run.law.variables}
 
     def _collective(self, parts: list[tuple[slice, Collective]]) -> Collective | None:
         """Collective answers of several laws, whose groups are their own."""

@@ -99,7 +99,7 @@ class NodeStage:
 def _met(groups: NodeGroups, pairs: Pairs, q: np.ndarray, before: History,
          anchors: np.ndarray | None) -> tuple[np.ndarray, History, np.ndarray | None]:
     """Forces q (T, 3, P), past, and anchors at the groups' points, other ranks' behind."""
-    names = sorted({v.name for law in pairs.laws for v in law.variables})
+    names = sorted({name for law in pairs.laws for name in law.variables})
     none, P = np.zeros(len(pairs)), len(pairs)
     own = np.array([before.own.get(name, none) for name in names]).reshape(len(names), P)
     parts = [q.reshape(3 * len(q), P), before.jump, own,

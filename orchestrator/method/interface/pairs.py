@@ -89,7 +89,7 @@ class Pairs(Answering):
         """
         result = np.zeros(len(self))
         for run in self.runs:
-            if run.law.prices:
+            if run.law.duality_gap:
                 part = run.part
                 result[part] = run.law.duality_gap(run.points.at(step), force[:, part],
                                                    jump[:, part], before.jump[:, part])

@@ -21,9 +21,6 @@ from scipy.sparse.linalg import gmres, LinearOperator
 
 from orchestrator.method.sparse.fronts import Elimination
 
-# ‖r‖ left, over that of the right-hand side: pairs that change are in the way of a step by far more
-# (Eisenstat & Walker, SIAM J. Sci. Comput. 17, 1996)
-ENOUGH = 0.1
 MOST = 40  # steps, after which what has been found is taken: it is searched along as any step is
 
 
@@ -46,13 +43,17 @@ class RigidFirst:
         self.first, self.second, self.third = (sp.bsr_array((part, of.indices, of.indptr))
                                                for part in parts)
 
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """(bodies, size) solution for a right-hand side of that shape."""
+    def solve(self, right: np.ndarray, enough: float = 0.1) -> np.ndarray:
+        """(bodies, size) solution for a right-hand side of that shape.
+
+        enough : ‖r‖ left, over that of the right-hand side: pairs that change are in the way of a
+            step by far more (Eisenstat & Walker, SIAM J. Sci. Comput. 17, 1996)
+        """
         r1, r2 = np.hsplit(right, [self.rigid.of.size])
         left = r2.ravel() - self.second @ self._rigid(r1)
         operator = LinearOperator((left.size,) * 2, dtype=float, matvec=lambda v: self._times(
             self._stretched(v)))
-        v, _ = gmres(operator, left, rtol=0.0, atol=ENOUGH * np.linalg.norm(right), restart=MOST,
+        v, _ = gmres(operator, left, rtol=0.0, atol=enough * np.linalg.norm(right), restart=MOST,
                      maxiter=1)
         x2 = self._stretched(v)
         x1 = self._rigid(r1.ravel() - self.first @ x2)

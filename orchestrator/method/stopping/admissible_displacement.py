@@ -71,7 +71,7 @@ class AdmissibleDisplacement:
         self.pairs, self.continuity, self.space = pairs, continuity, continuity.space
         self.prices, self.slips, lawful = np.zeros((3, len(pairs)), dtype=bool)
         for run in pairs.runs:
-            self.prices[run.part], self.slips[run.part] = run.law.prices, run.law.slips
+            self.prices[run.part], self.slips[run.part] = bool(run.law.duality_gap), run.law.slips
             lawful[run.part] = not run.law.perfect  # perfect ones are the continuity's
         self.mine = lawful & pairs.mine
         self.own, self.ties = np.flatnonzero(self.mine), self.continuity.rows.shape[0]

@@ -32,7 +32,7 @@ from orchestrator.method.interface.rows import peak
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import ROUNDING
 from orchestrator.method.stopping.certificate import Certificate
-from orchestrator.method.stopping.dual_energy import CLOSELY, Enough, dual_energy
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.error_estimate import Judged
 
 # of the largest force: what a jump is improved to, and what is a law's to rounding
@@ -80,10 +80,10 @@ class Solved:
         """(T, 3, P) B û; not finite where it is not known."""
         c, x = self.certificate, self.x
         if x is None:
-            nothing = (ROUNDING * self.bound.size) ** 2 / CLOSELY
+            nothing = (ROUNDING * self.bound.size) ** 2 / c.closely
             h = c.beside.balanced(c.change(self.fields, self.bound.pair.forces))
             left, _, x, *_ = dual_energy(c.stage, h, np.zeros(len(self.u)),
-                                         Enough(nothing, CLOSELY), softness=c.softness())
+                                         Enough(nothing, c.closely), softness=c.softness())
             x = np.where(np.isfinite(left)[:, None], x, np.nan)
         return c.pairs.transfer.jump(c.space.extended(c.stage.trace(self.u + x))[0])
 

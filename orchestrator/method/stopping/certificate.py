@@ -111,6 +111,7 @@ class Certificate:
         then
 
     floor : relative energy error of the subdomains' own matrices, where their digits are few
+    closely : of the smaller of E² and ‖S⁺h‖², what may be left of the latter in what is delivered
     """
 
     def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray],
@@ -130,6 +131,7 @@ class Certificate:
         imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
         work, = self.space.team.sum(
             float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
+        self.closely = 1e-4  # a hundredth of û − u
         # of bodies that laws carry away, and nothing strains
         self.imposed = NOTHING * float(np.sqrt(work))
         self.factor = guarantee(pairs, stiffness, modes, stage, softness)

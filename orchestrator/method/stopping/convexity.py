@@ -34,7 +34,7 @@ def _not_convex(pairs: Pairs) -> str:
         if not chosen.any():
             continue
         zero = np.zeros((3, len(chosen)))
-        points = run.points.at(int(pairs.numbers[0]), {v.name: zero[0] for v in run.law.variables})
+        points = run.points.at(int(pairs.numbers[0]), dict.fromkeys(run.law.variables, zero[0]))
         random = np.random.default_rng(0)
         for size in SIZES:
             products, rounding = _products(run.law, points,

@@ -23,14 +23,11 @@ from orchestrator.method.interface.rows import dots, ratio, ColumnSegments
 from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.stopping.known_answers import KnownAnswers
 
-# the conjugate gradients stop when neither a step nor what is to come adds more of the bound's
-# square
-RELATIVE_TAIL = 0.02
 MAX_STEPS = 100  # of conjugate gradients; what is left then is told as the tail
 LONGER = 3  # times the steps that would do, from which what is left need not be known from above
-# of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
-CLOSELY = 1e-4
-LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
+# of the smaller of E² and ‖S⁺h‖², what may be left of the latter where it is known from above: a
+# twentieth of the error
+LEFT = 0.1
 # the same where the sum is small enough all the same: the error is told as at most 1.4 times what
 # it is
 MET = 0.5
@@ -47,11 +44,13 @@ class Enough:
     negligible : sum over the steps that is not worth being told from zero
     share : of the sum, what may be left where it is known from above
     met : every load step's sum below which ``MET`` of it may be left
+    tail : of the sum, what a step of the conjugate gradients, or what is to come, may still add
     """
 
     negligible: float = 0.0
     share: float = LEFT
     met: float = 0.0
+    tail: float = 0.02
 
 
 class Dual(NamedTuple):
@@ -149,7 +148,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     total, = space.team.sum(dots(begun.x, h + begun.left))
     going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
     steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(
-        RELATIVE_TAIL, enough.share)
+        enough.tail, enough.share)
     softness, ask = (None, softness) if callable(softness) else (softness, None)
 
     def told(energy: np.ndarray, above: bool = False) -> Dual:
@@ -187,7 +186,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         if ready and (softness is None or sweeps >= LONGER * ready):
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
-            return told(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0),
+            return told(total + tail + enough.tail * np.maximum(total + rest, 0.0),
                         softness is not None)
     return told(np.full(len(h), np.inf))
 

@@ -225,7 +225,7 @@ def _measured(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
         part, own = here[law].part, here[law].points
         stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part],
                         before.jump[:, part], local.status[:, part],
-                        {v.name: local.own[v.name][:, part] for v in law.variables})
+                        {name: local.own[name][:, part] for name in law.variables})
         each = [(own, stages)] if not own.stepped else [(own.at(number), stages.at(t))
                                                         for t, number in enumerate(pairs.numbers)]
         told = [(pressure, *(values[measure.name] for measure in law.measures))

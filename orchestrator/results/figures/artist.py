@@ -11,7 +11,6 @@ from orchestrator.apart import Apart, Died
 from orchestrator.errors import InputError
 from orchestrator.optional import absent, command, DRAWING
 
-PATIENCE = 300.0  # seconds after which the process is given up
 UNDRAWN = (
     "The results are complete but for figures: orchestrator report draws them in the results "
     "folder.")
@@ -27,22 +26,22 @@ class Artist(Apart):
     def __init__(self) -> None:
         super().__init__(["orchestrator.results.figures.figures"])
 
-    def finish(self) -> object:
+    def finish(self, patience: float = 300.0) -> object:
         """The result of the last function that was asked for.
 
         Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor
-        OSMesa, or takes longer than ``PATIENCE``
+        OSMesa, or takes longer than ``patience`` seconds
         Raises InputError: from the function: disk full or folder not writable
         Raises KeyboardInterrupt: saying what there is
         """
         try:
-            return super().finish(PATIENCE)
+            return super().finish(patience)
         except InputError:
             raise
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(UNDRAWN) from error
         except Died as died:
-            raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s"
+            raise CannotDraw(f"the process that draws was not done after {patience:g} s"
                              if died.late else
                              "VTK cannot draw on this machine") from None
         except Exception as error:

@@ -147,8 +147,8 @@ def contact(run: Stopped) -> Iterator[str]:
     """Friction and bodies that come loose."""
     if run.scene.bonded:
         return
-    cautions = sorted({i.law.caution for i in run.scene.interfaces if i.law.caution})
-    yield from (f"interfaces {caution}: lower it" for caution in cautions)
+    yield from (f"interfaces {caution}: lower it" for caution in sorted(
+        {i.law.caution for i in run.scene.interfaces} - {""}))
     if run.loose:
         yield (
             f"{some(run.loose)} can move as a whole without resistance: hold them (a displacement, "

@@ -76,10 +76,9 @@ def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
 def _of_interfaces(scene: Scene, met: Met) -> list[str]:
     said: dict[str, list[str]] = {}
     for i in scene.interfaces:
-        if i.law.caution:
-            said.setdefault(i.law.caution, []).append(i.name)
-    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *_sliding(met),
-              *_unresolved(met.unresolved)]
+        said.setdefault(i.law.caution, []).append(i.name)
+    result = [*(f"{some(names)} {caution}" for caution, names in said.items() if caution),
+              *_sliding(met), *_unresolved(met.unresolved)]
     laws = [i.law for i in scene.opening]
     cut = [k for k, (part, law) in enumerate(zip(met.within, laws)) if part >= 0 and not law.joins]
     if cut:
