@@ -121,6 +121,14 @@ IN_VOLUMES = Registry({
     "temperature": "orchestrator.scene.loads.temperature:Temperature",
 })
 
+# Kinds of entries of output.probes, by a key that each alone has.
+PROBES = Registry({
+    "at": "orchestrator.scene.conditions.probes:PointProbe",
+    "along": "orchestrator.scene.conditions.probes:PathProbe",
+    "section": "orchestrator.scene.conditions.probe_faces:SectionProbe",
+    "on": "orchestrator.scene.conditions.probe_faces:SurfaceProbe",
+})
+
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
 GROUND = Registry({"support": "orchestrator.laws.support:Support",
                    "coupling": "orchestrator.laws.coupling:CouplingLaw"})

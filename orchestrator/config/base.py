@@ -40,24 +40,6 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
                      Discriminator(lambda value: one if is_first(value) else two)]
 
 
-def one_of(kinds: dict[str, type[Part]], expected: str) -> Any:
-    """A union of models, each told by a key that it alone has; what has none of these keys is taken
-    for the last one.
-
-    expected : what is accepted, as shown to the user
-    """
-    tags = {key: f"{TAG}{number}{expected}" for number, key in enumerate(kinds)}
-
-    def told(value: Any) -> str:
-        return tags[
-            next((key for key, model in kinds.items() if isinstance(value, model)
-                  or (isinstance(value, dict) and key in value)),
-                         list(kinds)[-1])]
-
-    every = [Annotated[model, Tag(tags[key])] for key, model in kinds.items()]
-    return Annotated[reduce(or_, every), Discriminator(told)]
-
-
 class Chosen:
     """A mapping whose model is found when a value is met: no module of the models is loaded before.
     Marks a field's type.
@@ -113,6 +95,31 @@ class MadeModel(Chosen):
     def __get_pydantic_json_schema__(self, _: Any,
                                      handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return handler(self.make().__pydantic_core_schema__)
+
+
+@dataclass(frozen=True, eq=False)
+class ByKey(Chosen):
+    """The model follows from a key that it alone has.
+
+    registry : key → model; otherwise : the key of what has none of these
+    """
+
+    base: type[Part]
+    registry: Any
+    otherwise: str
+    key = "kind"
+
+    def model(self, value: Any) -> type[Part]:
+        keys = (key for key in self.registry if isinstance(value, dict) and key in value)
+        return self.registry[next(keys, self.otherwise)]
+
+    def shipped(self) -> dict[str, type[Part]]:
+        return self.registry.shipped()
+
+    def __get_pydantic_json_schema__(self, _: Any,
+                                     handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [handler(model.__pydantic_core_schema__)
+                          for model in self.registry.values()]}
 
 
 @dataclass(frozen=True, eq=False)  # a registry has no hash

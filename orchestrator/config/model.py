@@ -14,7 +14,7 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
 from orchestrator.config.mesh import MaterialEntry, MeshEntry, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
-from orchestrator.config.probes import Probe
+from orchestrator.config.probes import ProbeEntry, Probes
 from orchestrator.config.tools import Tool
 from orchestrator.registry import FOREIGN
 
@@ -43,7 +43,7 @@ class Output(Part):
     figures: bool = Field(True,
                           description="draw the figures, as they are what most people look at "
                                       "first")
-    probes: list[Probe] = Field([], description=(
+    probes: Probes = Field([], description=(
         "values that are asked for, at points, along paths, on surfaces, across sections; into "
         "summary.json, probes.csv, paths.csv"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(
@@ -54,7 +54,7 @@ class Output(Part):
                                 "numbers; none: no units")
 
     @property
-    def named_probes(self) -> dict[str, Probe]:
+    def named_probes(self) -> dict[str, ProbeEntry]:
         """Name → probe, in the order of the YAML; one without a name is called by its place."""
         return {probe.name or f"probe_{i + 1}": probe for i, probe in enumerate(self.probes)}
 

@@ -5,13 +5,13 @@ along lines, of which paths.csv has a line for each point and load step.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from orchestrator.method.delivery.flux import FORCES
 from orchestrator.results.extremes import (
     components_of_displacement, components_of_stress, DISPLACEMENT, Nodal, RESULTANT, STRESS)
-from orchestrator.scene.conditions.probes import ProbeLine, ProbePoint, ProbeSection, ProbeSurface
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
 
 NAME, PATHS = "probes.csv", "paths.csv"
@@ -40,76 +40,83 @@ def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Noda
     return result
 
 
-def over(probe: ProbeSurface, nodal: Nodal) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return (T, components) the mean of each component, or its extreme, and (T, components, 3)
-    where extremes are.
+@dataclass(frozen=True)
+class Reader:
+    """Values that probes ask for.
 
-    Means of stress are those of fields linear on each facet; of displacement, those of the element.
+    nodal : fields and stresses; carried : name of a probe that carries → (T, c) what it does
     """
-    fields, stress = nodal.fields, probe.of == "stress"
-    corners, components = probe.corners[:, :3] if stress else probe.corners, COMPONENTS[probe.of][1]
-    at = (nodal.corner if stress else fields.cells)[probe.cells[:, None], corners]
-    each = np.stack([(nodal.stress(step) if stress else fields.displacement[step])[at]
-                     for step in range(fields.steps)])
-    if probe.quantity == "mean":
-        share = np.linalg.norm(probe.area, axis=1) / probe.total
-        return components(np.einsum("k,a,tkai->ti", share, TRIANGLE_SHARES[corners.shape[1]],
-                                    each)), None
-    each = components(each.reshape(len(each), at.size, each.shape[-1]))
-    each[~np.isfinite(each).all(axis=(1, 2))] = np.nan
-    # which find what is no number first
-    place = (each.argmax if probe.quantity == "max" else each.argmin)(axis=1)
-    points = fields.nodes[fields.cells[probe.cells[:, None], corners].ravel()]
-    return np.take_along_axis(each, place[:, None], 1)[:, 0], points[place]
+
+    nodal: Nodal
+    carried: Mapping[str, np.ndarray]
+
+    def at(self, of: str, cells: np.ndarray,
+           weights: np.ndarray) -> tuple[Sequence[str], np.ndarray]:
+        """Return names of the components of displacement or stress, and (T, n, components) their
+        values at points as of ``at_points``.
+        """
+        names, components = COMPONENTS[of]
+        return names, components(at_points(of, cells, weights, self.nodal))
+
+    def force(self, probe: Any) -> tuple:
+        """Return force and moment about a point, (T, c)."""
+        return RESULTANT, self.carried[probe.name]
+
+    def over(self, probe: Any) -> tuple:
+        """Return (T, components) the mean of each component over faces; or its extreme, and (T,
+        components, 3) where these are.
+
+        Means of stress are those of fields linear on each facet; of displacement, those of the
+        element.
+        """
+        fields, stress = self.nodal.fields, probe.of == "stress"
+        corners, (names, components) = (probe.corners[:, :3 if stress else None],
+                                        COMPONENTS[probe.of])
+        at = (self.nodal.corner if stress else fields.cells)[probe.cells[:, None], corners]
+        each = np.stack([(self.nodal.stress(step) if stress else fields.displacement[step])[at]
+                         for step in range(fields.steps)])
+        if probe.quantity == "mean":
+            share = np.linalg.norm(probe.area, axis=1) / probe.total
+            return names, components(np.einsum("k,a,tkai->ti", share,
+                                               TRIANGLE_SHARES[corners.shape[1]], each))
+        each = components(each.reshape(len(each), at.size, each.shape[-1]))
+        each[~np.isfinite(each).all(axis=(1, 2))] = np.nan
+        # which find what is no number first
+        place = (each.argmax if probe.quantity == "max" else each.argmin)(axis=1)
+        points = fields.nodes[fields.cells[probe.cells[:, None], corners].ravel()]
+        return names, np.take_along_axis(each, place[:, None], 1)[:, 0], points[place]
 
 
-def read_probes(probes: Sequence[object], nodal: Nodal,
-                carried: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
-    """Per probe its name, what it tells, and per component the values of all load steps; of lines
+def read_probes(probes: Sequence[Any], reader: Reader) -> list[dict[str, object]]:
+    """Per probe its name, what it tells, and per component the values of all load steps; of paths
     nothing.
 
-    carried : name of a probe of forces → (T, c) what these are
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component
     and step the extreme's place), ``values`` (component → list per step) and, in place of numbers
     that would not be true, ``why``
     """
-    return [_told(probe, nodal, carried) for probe in probes if not isinstance(probe, ProbeLine)]
+    return [_known(probe, *probe.told(reader)) for probe in probes if not probe.path]
 
 
-def _told(probe: ProbePoint | ProbeSection | ProbeSurface, nodal: Nodal,
-          carried: Mapping[str, np.ndarray]) -> dict[str, object]:
-    places = None
-    if isinstance(probe, ProbePoint):
-        quantity, of, at = "point", probe.quantity, probe.at
-        names, components = COMPONENTS[of]
-        values = components(at_points(of, np.array([probe.cell]), probe.weights[None], nodal)[:, 0])
-    elif probe.quantity in FORCES:  # across a section, or through faces
-        quantity, of, names, at = probe.quantity, "force", RESULTANT, probe.about
-        values = carried[probe.name]
-        if isinstance(probe, ProbeSection):
-            shear = np.linalg.norm(values[:, :3] - values[:, 6:7] * probe.normal, axis=1)
-            names, values = (*names, "normal", "shear"), np.column_stack([values, shear])
-    else:
-        quantity, of, names, at = probe.quantity, probe.of, COMPONENTS[probe.of][0], probe.centre
-        values, places = over(probe, nodal)
-    known = bool(np.isfinite(values).all())
+def _known(probe: Any, names: Sequence[str], values: np.ndarray,
+           places: np.ndarray | None = None) -> dict[str, object]:
+    known, at = bool(np.isfinite(values).all()), probe.at
     if known and places is not None:
         at = dict(zip(names, places.swapaxes(0, 1).tolist()))
     told = {name: column if known else None for name, column in zip(names, values.T.tolist())}
-    return {"name": probe.name, "quantity": quantity, "of": of, "at": at, "values": told} | (
-        {} if known else {"why": FOREIGN})
+    return {"name": probe.name, "quantity": probe.quantity, "of": probe.of, "at": at,
+            "values": told} | ({} if known else {"why": FOREIGN})
 
 
-def read_paths(probes: Sequence[object], nodal: Nodal) -> list[dict[str, object]]:
+def read_paths(probes: Sequence[Any], reader: Reader) -> list[dict[str, object]]:
     """Per path among probes ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3),
     and ``values``: component → (T, n), nan outside the body and where stresses are not to be
     believed.
     """
-    return [{"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
-             "values": dict(zip(names, np.moveaxis(components(at_points(
-                 probe.quantity, probe.cells, probe.weights, nodal)), 2, 0)))}
-            for probe in probes if isinstance(probe, ProbeLine)
-            for names, components in [COMPONENTS[probe.quantity]]]
+    return [{"name": probe.name, "of": probe.of, "distance": probe.distance, "at": probe.at,
+             "values": dict(zip(names, np.moveaxis(values, 2, 0)))}
+            for probe in probes if probe.path
+            for names, values in [probe.told(reader)]]
 
 
 def probe_columns(probes: Sequence[Mapping], steps: int) -> tuple[list[str], list[list]]:

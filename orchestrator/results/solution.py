@@ -29,7 +29,7 @@ from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
-from orchestrator.results.probes import at_points, read_paths, read_probes
+from orchestrator.results.probes import at_points, read_paths, read_probes, Reader
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.summary import known, read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
@@ -114,8 +114,8 @@ class Solution:
             lost = np.array([scene.stand_ins | np.isin(bodies, names) for names in detached
                              or [[]] * scene.steps])
         extreme = extremes(nodal, lost)
-        probes = read_probes(scene.probes, nodal, delivered.carried)
-        paths = read_paths(scene.probes, nodal)
+        reader = Reader(nodal, delivered.carried)
+        probes, paths = (read(scene.probes, reader) for read in (read_probes, read_paths))
         summary = known(summary | {"peak_stress": peak(extreme, "von_mises"),
                                    "peak_displacement": peak(extreme, "|u|"),
                                    "probes": probes, "paths": paths})

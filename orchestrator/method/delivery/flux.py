@@ -31,13 +31,12 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.blackbox.models import Matter
-from orchestrator.scene.conditions.probes import ProbeSection, ProbeSurface
+from orchestrator.scene.conditions.probe_faces import ProbeSection, ProbeSurface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.model import Scene
 
-FORCES = ("section", "resultant")  # quantities of probes
 ON = 1e-6  # of an element's height: a node is on the plane
 # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
 Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]
@@ -100,14 +99,15 @@ class Carrier:
 
     def __init__(self, probe: ProbeSection | ProbeSurface, copies: Copies):
         self.probe, self.copies = probe, copies
-        self.layers = self._across() if isinstance(probe, ProbeSection) else [self._through()]
+        self.section = isinstance(probe, ProbeSection)
+        self.layers = self._across() if self.section else [self._through()]
 
     @cached_property
     def measured(self) -> Measured:
         """Force and moment, six components; of a section the force along its normal besides."""
         scene, cells, count = self.copies.scene, self.copies.cells, len(self.layers[0].moved)
         given = np.zeros((scene.steps, count))
-        if isinstance(self.probe, ProbeSurface):
+        if not self.section:
             given = self._loads()
         chosen, weights = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))]
         for layer in self.layers:
@@ -116,7 +116,7 @@ class Carrier:
             points, motions = scene.mesh.nodes[self.copies.node[used]], layer.moved[
                 :, used].reshape(count, -1)
             weight = Matter(points, corners.reshape(len(layer.tets), -1), *moduli.T).forces(motions)
-            if isinstance(self.probe, ProbeSection) and scene.thermal is not None:
+            if self.section and scene.thermal is not None:
                 given -= _heated(self.copies, layer.tets)[:,
                                                           used].reshape(scene.steps, -1) @ motions.T
             chosen.append(used)
@@ -156,8 +156,7 @@ class Carrier:
         return self._layer(np.flatnonzero(around), self._counted(around))
 
     def _layer(self, tets: np.ndarray, factor: np.ndarray) -> ProbedTets:
-        copies, more = self.copies, self.probe.normal[None] if isinstance(
-            self.probe, ProbeSection) else np.zeros((0, 3))
+        copies, more = self.copies, self.probe.normal[None] if self.section else np.zeros((0, 3))
         motions = motions_about(copies.scene.mesh.nodes[copies.node], self.probe.about,
                                 1.0).transpose(2, 0, 1) * factor
         return ProbedTets(tets, factor,
@@ -253,12 +252,12 @@ class ForceProbes:
     @classmethod
     def of(cls, scene: Scene) -> ForceProbes:
         """Return what is asked of a scene."""
-        forced = [p for p in scene.probes if p.quantity in FORCES]
+        forced = [p for p in scene.probes if p.of == "force"]
         copies = Copies.of(scene) if forced else None
         carriers = {p.name: Carrier(p, copies) for p in forced}
         carried = {name: carrier.measured for name, carrier in carriers.items()}
         within = {name: np.array(sorted(probe.weights)) for name, probe in carried.items()}
-        rims = {p.name: carriers[p.name].rims() for p in forced if isinstance(p, ProbeSurface)}
+        rims = {p.name: carriers[p.name].rims() for p in forced if not carriers[p.name].section}
         return cls(carried, within, {name: own for name, own in rims.items() if own})
 
     def of_rank(self, own: Sequence[int]) -> ForceProbes:

@@ -162,8 +162,7 @@ def of_unheld(scene: Scene, detached: Sequence[list[str]]) -> Iterator[str]:
     detached : names of these bodies, per load step
     """
     for probe in scene.probes:
-        read = {getattr(probe, "quantity", ""), getattr(probe, "of", "")}
-        if "displacement" not in read or "resultant" in read:
+        if probe.of != "displacement":
             continue
         bodies = {scene.subdomains[e].body for e in probe.subdomains}
         steps = [str(step) for step, names in enumerate(detached, 1) if bodies & set(names)]
