@@ -5,7 +5,7 @@ The cut's sides do not move across the axis, and along it all of them by the sam
 from side 1 to side 2, and the force N > 0 of a bolt that is pulled,
 
     tightened   Σ f̂·n = N,   d_n = d at all pairs:   d = (Σ F·n − N) / Σ keq_n,   f̂ = F − keq d n
-    locked      d as at the end of the load step before:                        f̂ = F − keq d_before
+    locked      d as at the end of the load step before:   f̂ = F − keq d_before
 
 so that −d > 0 is what tightening has taken off the bolt's length. It is the pretension node of
 other codes: one unknown per bolt and load step, which the local stage finds in closed form.

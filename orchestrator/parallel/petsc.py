@@ -26,7 +26,9 @@ from orchestrator.optional import absent
 from orchestrator.parallel.team import Team
 
 NUMPY_2 = (3, 21)  # the first binding that goes with numpy 2
-CURE = "./setup.sh cluster makes an environment with Debian's python3-petsc4py, .venv-cluster; conda-forge has petsc4py too"
+CURE = (
+    "./setup.sh cluster makes an environment with Debian's python3-petsc4py, .venv-cluster; "
+    "conda-forge has petsc4py too")
 # Largest |A x − b| over that of the entries times |x| and b, which a factorisation may leave: as of
 # ``factor.BACKWARD``.
 BACKWARD = 1e-11
@@ -44,12 +46,16 @@ def lacking(installed: str = "/usr/lib/petscdir") -> str:
         folders, ours = _folders(installed), f"petsc4py/lib/PETSc.{sys.implementation.cache_tag}-*"
         sys.path += [str(folder) for folder in folders if list(folder.glob(ours))][:1]
         if folders and absent("petsc4py"):
-            return f"petsc4py in {folders[0]} is not for Python {sys.version_info.major}.{sys.version_info.minor}; {CURE}"
+            return (
+                f"petsc4py in {folders[0]} is not for Python "
+                f"{sys.version_info.major}.{sys.version_info.minor}; {CURE}")
     if absent("petsc4py"):
         return f"petsc4py is not installed; {CURE}"
     version = import_module("petsc4py").__version__
-    if int(np.__version__.split(".")[0]) >= 2 and tuple(map(int, version.split(".")[:2])) < NUMPY_2:
-        return f"petsc4py {version} goes with numpy below 2, and numpy {np.__version__} is here; {CURE}"
+    if np.__version__[0] >= "2" and tuple(map(int, version.split(".")[:2])) < NUMPY_2:
+        return (
+            f"petsc4py {version} goes with numpy below 2, and numpy {np.__version__} is here; "
+            f"{CURE}")
     return ""
 
 
@@ -75,7 +81,9 @@ def library() -> ModuleType | str:
         return f"petsc4py cannot be loaded: {error}; {CURE}"
     atexit.register(found._finalize)  # before MPI is ended, which began earlier
     if np.dtype(found.ScalarType) != np.float64:
-        return f"PETSc computes with {np.dtype(found.ScalarType)}, not with real numbers in double precision; {CURE}"
+        return (
+            f"PETSc computes with {np.dtype(found.ScalarType)}, not with real numbers in double "
+            f"precision; {CURE}")
     return found if found.Sys.hasExternalPackage(
         "mumps") else f"PETSc has been built without MUMPS; {CURE}"
 

@@ -1,8 +1,8 @@
 """Progress of a run: a line that changes on a terminal, elsewhere a line from time to time.
 
-What is left is estimated from what is done. A run assembles its bodies, solves for the fields of its
-coarse problems, iterates, and writes. Of what has begun, the pieces that are done tell how long the
-others take; of what has not, what came before: assembling and factorising costs as much as
+What is left is estimated from what is done. A run assembles its bodies, solves for the fields of
+its coarse problems, iterates, and writes. Of what has begun, the pieces that are done tell how long
+the others take; of what has not, what came before: assembling and factorising costs as much as
 ``LOADING`` back-substitutions. Iterations are told by the fall of what they wait for. Seconds that
 nothing of the run tells are those of a core of one's own, times what this program had to wait.
 """
@@ -189,7 +189,9 @@ class Remaining:
 
     @property
     def to_do(self) -> float:
-        """Iterations that are still to be done, by the fall of the error, at first by experience."""
+        """Iterations that are still to be done, by the fall of the error, at first by
+        experience.
+        """
         done, pace, last = len(self.values), pace_of(self.values), self.values[-1]
         usual = max(STAGES - done, 0.3 * done)
         if not (pace > 0 and last > 0):
