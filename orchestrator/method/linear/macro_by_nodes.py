@@ -43,9 +43,10 @@ class NodeMacro(Macro):
             own = self.fields[part]
             seen = np.unique(own.indices)
             dense = np.ascontiguousarray(own[:, seen].toarray())
-            both = dense.T, np.ascontiguousarray((k @ dense).T)
             key = digest(dense, k.indptr, k.indices, k.data)
-            for one, each in zip(self._asked, (seen, *known.setdefault(key, both))):
+            if key not in known:
+                known[key] = dense.T, np.ascontiguousarray((k @ dense).T)
+            for one, each in zip(self._asked, (seen, *known[key])):
                 one.append(each)
 
     def solve(self, blackbox: BlackBox) -> float:

@@ -59,9 +59,10 @@ def make_rings(scene: Scene, subdomains: Sequence[int], ratio: float) -> list[Ri
     corners, shared, rings = scene.mesh.cells[:, :4], scene.shared, []
     rows = sp.csr_array((np.ones(corners.size), corners.ravel(), np.arange(0, corners.size + 1, 4)),
                         shape=(len(corners), shared.shape[0]))
-    touching, of = sp.csc_array(rows @ shared), sp.csc_array(shared)
+    touching, of = (np.split(x.indices, x.indptr[1:-1])
+                    for x in map(sp.csc_array, (rows @ shared, shared)))
     for e in subdomains:
-        around, inner = (np.sort(x[:, [e]].indices) for x in (touching, of))
+        around, inner = touching[e], of[e]
         cells = around[scene.cell_subdomain[around] != e]
         nodes = scene.subdomains[e].nodes
         stiff = ratio * np.where(yields[cells], STIFFER, 1.0) * (SMALL / len(nodes)) ** (1 / 6)
@@ -73,11 +74,10 @@ def make_rings(scene: Scene, subdomains: Sequence[int], ratio: float) -> list[Ri
 def clamped(scene: Scene, cells: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return points (p, 3) and cells (q, 4 or 10) of a sole that copies cells (q,) of a scene; all
     nodes but the inner ones (n,), ascending, are its points."""
-    used, number_of = np.unique(scene.mesh.cells[cells], return_inverse=True)
-    inside = np.isin(used, inner)
-    number = len(inner) + np.cumsum(~inside) - 1
-    number[inside] = np.searchsorted(inner, used[inside])
-    return scene.mesh.nodes[used[~inside]], number[number_of].reshape(-1, scene.mesh.cells.shape[1])
+    copied, number = scene.mesh.cells[cells], np.empty(len(scene.mesh.nodes), dtype=int)
+    outer = np.setdiff1d(copied, inner)
+    number[np.concatenate([inner, outer])] = np.arange(len(inner) + len(outer))
+    return scene.mesh.nodes[outer], number[copied]
 
 
 def between(poisson: np.ndarray) -> np.ndarray:
