@@ -17,7 +17,7 @@ import numpy as np
 from orchestrator.scene.conditions.supports import loose_bodies, supports_of
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
+from orchestrator.scene.model import BoundaryEntry, Scene
 from orchestrator.scene.overview import Overview
 from orchestrator.scene.soles.overlap import difficulty
 
@@ -42,28 +42,30 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     own = np.zeros(len(scene.subdomains), dtype=bool)
     own[np.asarray(mine, dtype=int)] = True
     touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
-    rows = _rows(scene, own, touched)
-    cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
-    kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own)
-            if len(rows[e])}
+    here = [i for i, one in zip(scene.interfaces, touched) if one]
+    rows, kept = _rows(scene, own, here), [np.zeros(len(s.nodes), dtype=bool)
+                                           for s in scene.subdomains]
+    for s, chosen, marks in zip(scene.subdomains, rows, kept):
+        marks[s.connectivity[chosen]] = True
     # where sides share no nodes an interface's nodes may be on no cell that is kept
-    for i, here in zip(scene.interfaces, touched):
-        for e, nodes in zip(i.subdomains, i.nodes) if here else ():
-            if e in kept:
-                kept[e].append(nodes)
-    kept = {e: np.unique(np.concatenate(parts)) for e, parts in kept.items()}
-    nodes = np.unique(np.concatenate([s.nodes if own[s.index] else s.nodes[kept[s.index]]
-                                      for s in scene.subdomains if own[s.index]
-                                      or s.index in kept]))
-
+    for i in here:
+        for e, chosen in zip(i.subdomains, i.nodes):
+            kept[e][chosen] = True
+    kept = [np.flatnonzero(marks) for marks in kept]
+    cells = np.sort(np.concatenate([s.cells[own] for s, own in zip(scene.subdomains, rows)]))
+    nodes = np.unique(np.concatenate([s.nodes[own] for s, own in zip(scene.subdomains, kept)]))
     mesh = Mesh(scene.mesh.nodes[nodes], np.searchsorted(nodes, scene.mesh.cells[cells]),
                 scene.mesh.volume[cells],
                 scene.mesh.volumes, {}, scene.mesh.source)
-    subdomains = [_subdomain(s, rows[s.index], nodes, cells,
-                             None if own[s.index] else kept.get(s.index, np.empty(0, int)))
-                  for s in scene.subdomains]
-    interfaces = [_interface(i, nodes, cells, kept) if here else without_nodes(i)
-                  for i, here in zip(scene.interfaces, touched)]
+    subdomains = [replace(s, nodes=np.searchsorted(nodes, s.nodes[at]),
+                          cells=np.searchsorted(cells, s.cells[chosen]),
+                          connectivity=np.searchsorted(at, s.connectivity[chosen]),
+                          material=s.material[chosen], fixed=s.fixed[at],
+                          prescribed=s.prescribed[:, at], loads=s.loads[:, at],
+                          held_by=s.held_by[at], contact_area=s.contact_area[at])
+                  for s, chosen, at in zip(scene.subdomains, rows, kept)]
+    interfaces = [_interface(i, nodes, cells, kept) if one else without_nodes(i)
+                  for i, one in zip(scene.interfaces, touched)]
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells],
                  scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary],
@@ -75,41 +77,20 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                  thermal=None if scene.thermal is None else scene.thermal[:, cells])
 
 
-def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:
+def _rows(scene: Scene, own: np.ndarray, here: Sequence[Interface]) -> list[np.ndarray]:
     """Per subdomain which of its cells are kept: all of one's own, of others those with a node on a
     common interface."""
     on = np.zeros(len(scene.mesh.nodes), dtype=bool)
-    for i, here in zip(scene.interfaces, touched):
-        for side in (0, 1) if here else ():
+    for i in here:
+        for side in (0, 1):
             on[scene.side_nodes(i, side)] = True
     return [np.arange(len(s.cells)) if own[s.index]
             else np.flatnonzero(on[s.nodes[s.connectivity]].any(axis=1)) for s in scene.subdomains]
 
 
-def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray,
-               kept: np.ndarray | None) -> Subdomain:
-    """One subdomain in the numbering of a part.
-
-    rows : which of its cells
-    nodes, cells : of the part, by their numbers in the whole scene, ascending
-    kept : which of its nodes, None: all
-    """
-    if kept is None:
-        return replace(s, nodes=np.searchsorted(nodes, s.nodes),
-                       cells=np.searchsorted(cells, s.cells))
-    return replace(s, nodes=np.searchsorted(nodes, s.nodes[kept]),
-                   cells=np.searchsorted(cells, s.cells[rows]),
-                   connectivity=np.searchsorted(kept, s.connectivity[rows]),
-                   material=s.material[rows], fixed=s.fixed[kept],
-                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept],
-                   held_by=s.held_by[kept],
-                   contact_area=s.contact_area[kept])
-
-
 def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray,
-               kept: dict[int, np.ndarray]) -> Interface:
-    sides = tuple(np.searchsorted(kept[e], own) if e in kept else own
-                  for e, own in zip(i.subdomains, i.nodes))
+               kept: Sequence[np.ndarray]) -> Interface:
+    sides = tuple(np.searchsorted(kept[e], own) for e, own in zip(i.subdomains, i.nodes))
     mortar = None if i.mortar is None else replace(i.mortar,
                                                    cells=np.searchsorted(cells, i.mortar.cells))
     return replace(i, global_nodes=np.searchsorted(nodes, i.global_nodes), nodes=sides,
