@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from orchestrator.config.base import unit
-from orchestrator.errors import Problems
+from orchestrator.errors import InputError, KeyPath, Problems, wrong
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point
@@ -51,19 +51,16 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
     planes: dict[str, tuple[int, np.ndarray, np.ndarray, np.ndarray]] = {}
     ahead = np.zeros(len(mesh.cells), dtype=bool)
     for i, bolt in enumerate(bolts):
-        def wrong(key: str, *said: str, i: int = i) -> None:
-            problems.add(("bolts", i, key), *said)
-
-        if (name := _volume(mesh, partition, bolt, planes, wrong)) is None:
-            continue
-        own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-        shank = shank_of(mesh, faces, own, _bonded(name, Laws(list(entries), mesh.volumes)))
-        if (plane := _plane(mesh, own, bolt, shank, wrong)) is None:
-            continue
-        axis, point = plane
-        at = None if shank is None else shank.height(axis, point)
-        if at is not None and not _told(shank, at, name, f"bolts[{i}].cut" * (bolt.cut != "auto"),
-                                        wrong, problems.warnings):
+        try:
+            name = _volume(mesh, partition, bolt, ("bolts", i, "on"), planes)
+            own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
+            shank = shank_of(mesh, faces, own, _bonded(name, Laws(list(entries), mesh.volumes)))
+            axis, point = _plane(mesh, own, bolt, shank, ("bolts", i, "cut"))
+            at = None if shank is None else shank.height(axis, point)
+            if at is not None:
+                problems.warnings += _told(shank, at, name, ("bolts", i, "cut"), bolt.cut != "auto")
+        except InputError as error:
+            problems.found += error.problems
             continue
         height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
         front = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
@@ -98,26 +95,26 @@ def _check_whole(faces: Faces, cut: Partition, cuts: Sequence[BoltCut], problems
                          "move the plane, or write subdomains: groups, which leaves bolts whole")
 
 
-def _volume(mesh: Mesh, partition: Partition, bolt: Any, known: Sequence[str],
-            wrong: Callable[..., None]) -> str | None:
-    """Return the volume of an entry of ``bolts``; None where something is wrong with it, which is
-    told.
+def _volume(mesh: Mesh, partition: Partition, bolt: Any, path: KeyPath,
+            known: Iterable[str]) -> str:
+    """Return the volume of an entry of ``bolts``.
 
     known : volumes that other entries cut
+    Raises InputError: something is wrong with it
     """
     names = matching(bolt.on, mesh.volumes)
     if not names:
-        return wrong("on", f"no volume is called {bolt.on!r}", ONE_VOLUME,
+        raise wrong(path, f"no volume is called {bolt.on!r}", ONE_VOLUME,
                      suggestion(bolt.on, mesh.volumes, "volume"))
     if len(names) > 1:
-        return wrong("on", f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}",
+        raise wrong(path, f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}",
                      ONE_VOLUME, "write an entry for each of them")
     if names[0] in known:
-        return wrong("on", f"a second entry for {names[0]}", "one entry for each bolt",
+        raise wrong(path, f"a second entry for {names[0]}", "one entry for each bolt",
                      "leave one out")
     own = mesh.volume == mesh.volumes.index(names[0])
     if np.isin(partition.subdomain[~own], partition.subdomain[own]).any():
-        return wrong("on", f"subdomains that hold {names[0]} and other matter together",
+        raise wrong(path, f"subdomains that hold {names[0]} and other matter together",
                      "subdomains of the bolt alone",
                      "write subdomains: groups, one per volume, in a scene of several volumes")
     return names[0]
@@ -129,17 +126,17 @@ def _bonded(bolt: str, laws: Laws) -> Callable[[str], bool]:
 
 
 def _plane(mesh: Mesh, own: np.ndarray, bolt: Any, shank: Shank | None,
-           wrong: Callable[..., None]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return axis and point of the plane of an entry of ``bolts``; None where something is wrong
-    with it, which is told.
+           path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
+    """Return axis and point of the plane of an entry of ``bolts``.
 
     own : (k,) int, the bolt's cells
+    Raises InputError: something is wrong with it
     """
     name = mesh.volumes[mesh.volume[own[0]]]
     if bolt.cut != "auto":
         axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     elif shank is None:
-        return wrong("cut",
+        raise wrong(path,
                      f"cut: auto, and no cylinder on {name} that is longer than half its radius",
                      "a bolt with a round shank along one axis",
                      "say where: cut: {plane: z, at: 12}")
@@ -148,37 +145,33 @@ def _plane(mesh: Mesh, own: np.ndarray, bolt: Any, shank: Shank | None,
     ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
     if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
-        return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
+        raise wrong(path, f"a plane beside {name}, at {point @ axis:g} along its normal",
                      f"a plane through it: it reaches from {along.min():g} to {along.max():g}",
                      "move the plane")
     return axis, point
 
 
-def _told(shank: Shank, at: float, name: str, given: str, wrong: Callable[..., None],
-          warnings: list[str]) -> bool:
-    """Tell where a cut at a height of a shank is in a thread, or across where other parts end;
-    return whether it may stay.
+def _told(shank: Shank, at: float, name: str, path: KeyPath, given: bool) -> Iterator[str]:
+    """Yield what is to be said of a cut at a height of a shank: in a thread, or across where other
+    parts end.
 
-    given : the key that says where the cut is; empty where none does
+    given : whether the entry says where it is
+    Raises InputError: in a thread, and there is a better place
     """
     thread = next((thread for thread in shank.threads if thread.low < at < thread.high), None)
     if thread is not None and shank.free is not None:
-        wrong("cut",
-              f"a plane through {name} where it is bonded to {thread.part}, which takes its force "
-              "off before the head", "a plane between the head and the thread",
-              f"leave cut out, or move it to {format_point(shank.at(sum(shank.free) / 2))}")
-        return False
+        raise wrong(path,
+                    f"a plane through {name} where it is bonded to {thread.part}, which takes its "
+                    "force off before the head", "a plane between the head and the thread",
+                    f"leave cut out, or move it to {format_point(shank.at(sum(shank.free) / 2))}")
     if thread is not None:
-        warnings.append(
-            f"{name} is bonded to {thread.part} at its cut, and has no free stretch between head "
-            f"and thread: the force is taken off by {thread.part}, and does not arrive under the "
-            "head")
+        yield (f"{name} is bonded to {thread.part} at its cut, and has no free stretch between "
+               f"head and thread: the force is taken off by {thread.part}, and does not arrive "
+               "under the head")
     if given and (better := shank.away_from_joints(at)) != at:
-        warnings.append(
-            f"{given} is within an element of where parts beside {name} end: it zigzags across "
-            "that plane and leaves pieces of contact with hardly a node; "
-            f"{format_point(shank.at(better))} is amid one of them")
-    return True
+        yield (f"bolts[{path[1]}].cut is within an element of where parts beside {name} end: it "
+               "zigzags across that plane and leaves pieces of contact with hardly a node; "
+               f"{format_point(shank.at(better))} is amid one of them")
 
 
 def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:
