@@ -79,8 +79,8 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
     try:
         runs = ProgramRuns(ProgramPart(run=run, timeout=timeout), (), "it")
         rows = runs.joints()
-        ids, points = checked_nodes([(i, [float(w) for w in words[:4]])
-                                     for i, words in enumerate(rows, 1)], JOINT, ())
+        table = [[float(w) for w in words[:4]] for words in rows]
+        ids, points = checked_nodes(table, JOINT, ())
         names = list(dict.fromkeys(words[4] for words in rows if len(words) == 5))
         joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names,
                         np.zeros((len(ids), 3), bool), np.eye(6))

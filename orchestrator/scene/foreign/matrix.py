@@ -6,6 +6,7 @@ Tables of nodes, faces and nodal forces beside a stiffness matrix.
 from __future__ import annotations
 
 import gzip
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -82,29 +83,32 @@ def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
 
     Raises InputError: lines that are not four numbers, ids that come twice, nodes at one place
     """
-    return checked_nodes(_rows(file, path, "id, x, y, z"), file, path)
+    table = NumberTable(file, path, "id, x, y, z")
+    return checked_nodes(table.rows, file, path, table.lines)
 
 
-def checked_nodes(rows: list[tuple[int, list[float]]], file: str,
-                  path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes from lines with their numbers, checked."""
-    for line, row in rows:
+def checked_nodes(rows: list[list[float]], file: str, path: KeyPath,
+                  lines: Sequence[int] = range(1, 1 << 62)) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes from the numbers of lines, checked; default: of the file's first lines."""
+    def bad(line: int, found: str, expected: str, cure: str = "mend the line") -> InputError:
+        return wrong(path, f"{file}:{line}: {found}", expected, cure)
+
+    for line, row in zip(lines, rows):
         if len(row) != 4 or row[0] != int(row[0]):
-            raise _bad(path, file, line, f"{len(row)} numbers: {row[:5]}",
-                       "id, x, y, z for each node")
-    table = np.array([row for _, row in rows])
+            raise bad(line, f"{len(row)} numbers: {row[:5]}", "id, x, y, z for each node")
+    table = np.array(rows)
     ids, points = table[:, 0].astype(int), table[:, 1:]
     order = np.argsort(ids, kind="stable")
     twice = np.flatnonzero(np.diff(ids[order]) == 0)
     if len(twice):
         again = order[twice[0] + 1]
-        raise _bad(path, file, rows[again][0], f"node {ids[again]} a second time", "each node once",
+        raise bad(lines[again], f"node {ids[again]} a second time", "each node once",
                    "leave one of the lines out")
     order = np.lexsort(points.T)
     same = np.flatnonzero((np.diff(points[order], axis=0) == 0).all(axis=1))
     if len(same):
         one, two = ids[order[same[0]]], ids[order[same[0] + 1]]
-        raise _bad(path, file, rows[order[same[0] + 1]][0], f"nodes {one} and {two} at one place",
+        raise bad(lines[order[same[0] + 1]], f"nodes {one} and {two} at one place",
                    "nodes that are apart",
                    "merge them in the model, or leave one of them out of the joint")
     return ids, points
@@ -114,16 +118,13 @@ def faces_of(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
     """Tables (f, 3, 4, 6 or 8) int of places in ``ids``."""
     place = {int(number): i for i, number in enumerate(ids)}
     found: dict[int, list[list[int]]] = {}
-    for line, row in _rows(file, path, "ids of the nodes of a face"):
+    table = NumberTable(file, path, "ids of the nodes of a face")
+    for line, row in zip(table.lines, table.rows):
         if len(row) not in CUT:
-            raise _bad(path, file, line, f"a face of {len(row)} nodes",
-                       "faces of 3, 4, 6 or 8 nodes")
-        unknown = [number for number in row if number not in place]
-        if unknown:
-            raise _bad(path, file, line, f"node {unknown[0]:g}, which is not in the table of nodes",
-                       "nodes of that table")
+            table.fail(line, f"a face of {len(row)} nodes", "faces of 3, 4, 6 or 8 nodes")
+        _check_known(table, line, row, place)
         found.setdefault(len(row), []).append([place[int(number)] for number in row])
-    return [np.array(table) for table in found.values()]
+    return [np.array(faces) for faces in found.values()]
 
 
 def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
@@ -134,34 +135,26 @@ def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
     Raises InputError: lines of other lengths, nodes that are not in the table ``ids`` (n,), nodes
     that come twice
     """
-    rows, place = _rows(file, path, "id, fx, fy, fz"), {int(number): i
-                                                        for i, number in enumerate(ids)}
-    width, seen = len(rows[0][1]), set()
+    table = NumberTable(file, path, "id, fx, fy, fz")
+    place, width, seen = {int(number): i for i, number in enumerate(ids)}, len(table.rows[0]), set()
     forces = np.zeros((len(ids), max(width - 1, 0)))
-    for line, row in rows:
+    for line, row in zip(table.lines, table.rows):
         if len(row) != width or width < 4 or (width - 1) % 3:
-            raise _bad(path, file, line, f"{len(row)} numbers: {row[:5]}",
+            table.fail(line, f"{len(row)} numbers: {row[:5]}",
                        "id, fx, fy, fz, and three more for each further load step")
-        if row[0] not in place:
-            raise _bad(path, file, line, f"node {row[0]:g}, which is not in the table of nodes",
-                       "nodes of that table")
+        _check_known(table, line, row[:1], place)
         if row[0] in seen:
-            raise _bad(path, file, line, f"node {row[0]:g} a second time", "each node once",
+            table.fail(line, f"node {row[0]:g} a second time", "each node once",
                        "add its forces up")
         seen.add(row[0])
         forces[place[int(row[0])]] = row[1:]
     return forces.reshape(len(ids), -1, 3).transpose(0, 2, 1).reshape(3 * len(ids), -1)
 
 
-def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
-    """Return the lines with numbers, each with its number in the file."""
-    table = NumberTable(file, path, what)
-    return list(zip(table.lines, table.rows))
-
-
-def _bad(path: KeyPath, file: str, line: int, found: str, expected: str,
-         cure: str = "mend the line") -> InputError:
-    return wrong(path, f"{file}:{line}: {found}", expected, cure)
+def _check_known(table: NumberTable, line: int, numbers: list[float], known: Container) -> None:
+    if unknown := [number for number in numbers if number not in known]:
+        table.fail(line, f"node {unknown[0]:g}, which is not in the table of nodes",
+                   "nodes of that table")
 
 
 # relative: what two halves of a symmetric matrix may differ by, six digits, rounded apart

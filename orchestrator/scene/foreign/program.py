@@ -192,7 +192,7 @@ def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:
     """
     runs = ProgramRuns(part, path, name)
     rows = runs.joints()
-    table = [(line, [float(word) for word in words[:4]]) for line, words in enumerate(rows, 1)]
+    table = [[float(word) for word in words[:4]] for words in rows]
     ids, points = checked_nodes(table, JOINT, (*path, "run"))
     labels = [words[4] if len(words) == 5 else "joint" for words in rows]
     return between(part, ids, points, labels, path, name)
