@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
 
 from orchestrator.errors import wrong
 from orchestrator.optional import Late
@@ -199,8 +200,6 @@ def _cut(a: np.ndarray, b: np.ndarray, size: int, count: int) -> np.ndarray:
         return np.zeros(size, dtype=np.int64)
     if count == size:
         return np.arange(size)
-    from scipy.sparse import coo_array
-
     graph = coo_array((np.ones(2 * len(a), dtype=np.int8), (np.r_[a, b], np.r_[b, a])),
                       shape=(size, size)).tocsr()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)

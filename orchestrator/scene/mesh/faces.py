@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 # The four faces of a positively oriented tet, each oriented outward.
 LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -113,22 +115,13 @@ def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
 
 def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray]:
     """Connected components of the graph with edges a[i]–b[i] on ``size`` vertices: count, (size,)
-    labels.
-
-    Every group of vertices joins the lowest group beside it, until no edge leaves a group (Shiloach
-    & Vishkin, J. Algorithms 3, 1982): on meshes five to eight rounds, three times faster than
-    building a sparse matrix.
+    labels, ascending with the lowest vertex of each.
     """
-    lowest = np.arange(size)
-    while len(a):
-        np.minimum.at(lowest, np.maximum(a, b), np.minimum(a, b))
-        while not np.array_equal(up := lowest[lowest], lowest):
-            lowest = up
-        a, b = lowest[a], lowest[b]
-        apart = a != b
-        a, b = a[apart], b[apart]
-    roots, label = np.unique(lowest, return_inverse=True)
-    return len(roots), label
+    if not size:
+        return 0, np.empty(0, dtype=int)
+    graph = coo_array((np.ones(len(a), dtype=bool), (a, b)), shape=(size, size))
+    count, label = connected_components(graph, directed=False)
+    return count, label.astype(int)
 
 
 def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
