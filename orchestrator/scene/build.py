@@ -214,10 +214,9 @@ def owned(config: Config, whole: Joined, held: Held, acting: SceneLoads) -> list
     body, partition, numbering = whole.cut.body, whole.cut.partition, whole.cut.numbering
     mesh, fixed, thermal, made = body.mesh, held.fixed, acting.thermal, []
     order = np.argsort(partition.subdomain, kind="stable")
-    bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
-    for i, name in enumerate(partition.names):
-        cells, own = order[bounds[i]:bounds[i + 1]], slice(numbering.offsets[i],
-                                                           numbering.offsets[i + 1])
+    ends = np.cumsum(np.bincount(partition.subdomain))[:-1]
+    for i, (name, cells) in enumerate(zip(partition.names, np.split(order, ends))):
+        own = slice(*numbering.offsets[i:i + 2])
         made.append(Subdomain(
             i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start,
             body.material[cells], fixed[own],
@@ -226,8 +225,8 @@ def owned(config: Config, whole: Joined, held: Held, acting: SceneLoads) -> list
             foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]),
             contact_area=np.zeros(own.stop - own.start),
             heated=thermal is not None and bool(thermal[:, cells].any())))
-    grounded = {i.subdomains[1]: i.subdomains[0] for i in whole.interfaces if i.tool is not None}
-    grounded |= {i.subdomains[1]: i.subdomains[0] for _, i in whole.grounds}
+    behind = [i for i in whole.interfaces if i.tool is not None] + [i for _, i in whole.grounds]
+    grounded = {i.subdomains[1]: i.subdomains[0] for i in behind}
     assign_codes(mesh, [s for s in made if s.index not in grounded], config.codes)
     for e, beside in grounded.items():
         made[e].code = made[beside].code
