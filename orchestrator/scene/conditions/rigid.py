@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import Faces, components, pieces
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.linalg import svd
 
@@ -92,8 +92,7 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
         of_origin = motions_about(np.zeros((1, 3)), centre, size)[0]
         rows = kept[:, :3] @ of_origin
         rows[:, 3:] += kept[:, 3:] / size
-        length = np.linalg.norm(rows, axis=1, keepdims=True)
-        held = np.vstack([held, rows / np.where(length > 0, length, 1.0)])
+        held = np.vstack([held, unit(rows)])
     return null_space(held)
 
 
@@ -260,11 +259,11 @@ def _reduced(rows: np.ndarray) -> np.ndarray:
 
 
 def _direction(vector: np.ndarray) -> str:
-    unit = vector / np.linalg.norm(vector)
-    axis = int(np.argmax(np.abs(unit)))
-    if abs(unit[axis]) > 1 - 1e-9:
+    along = unit(vector)
+    axis = int(np.argmax(np.abs(along)))
+    if abs(along[axis]) > 1 - 1e-9:
         return "xyz"[axis]
-    return format_point(_clean(np.round(unit, 4), 1.0))
+    return format_point(_clean(np.round(along, 4), 1.0))
 
 
 def _clean(point: np.ndarray, size: float) -> np.ndarray:

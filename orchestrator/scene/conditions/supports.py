@@ -15,7 +15,7 @@ import numpy as np
 from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about, null_space, size_of
 from orchestrator.scene.interface import ends_of, Interface
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition import Partition
@@ -53,8 +53,8 @@ class Supports:
             points, at = scene.mesh.nodes[s.nodes], np.flatnonzero(s.fixed.any(axis=1))
             result.centre[k], result.size[k] = about = points.mean(axis=0), size_of(points)
             more = [rows @ _turned(ORIGIN, about) for rows in kept.get(s.index, ())]
-            rows = np.concatenate([motions_about(points[at], *about)[s.fixed[at]], *(
-                r / np.maximum(np.linalg.norm(r, axis=1, keepdims=True), 1e-300) for r in more)])
+            rows = np.concatenate([motions_about(points[at], *about)[s.fixed[at]],
+                                   *map(unit, more)])
             factor = np.linalg.qr(rows, mode="r")
             result.rows[k, : len(factor)], result.count[k] = factor, len(rows)
         return result

@@ -21,6 +21,7 @@ from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import (
     COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite)
 from orchestrator.scene.mesh.faces import edge_patches
+from orchestrator.scene.mesh.geometry import unit
 
 # How deep, in h, parts may reach into each other to be noticed.
 DEEP = 0.5 * ROUND
@@ -66,8 +67,7 @@ def match(one: BodyFaces, two: BodyFaces, apart: bool = False, within: float | N
         return []
     i, j = (np.concatenate(side) for side in zip(*found))
     reach = share * np.maximum(size[i], two.size[j]) if apart and not within else reach[i]
-    normal = one.normal[i] - two.normal[j]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = unit(one.normal[i] - two.normal[j])
     away = two.corners[j][:, TURNS[:, :3]] - one.corners[i][:, None]  # (m, 3 turns, 3 corners, 3)
     along = np.einsum("mtci,mi->mtc", away, normal)
     # (m, 3)

@@ -20,7 +20,7 @@ import numpy as np
 
 from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
-from orchestrator.scene.mesh.geometry import facet_normals
+from orchestrator.scene.mesh.geometry import facet_normals, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.shapes import recognised
@@ -244,7 +244,7 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         inside = np.where(held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0), 0.0, total)
         planes = ~held.all(axis=2).reshape(-1, 1) & inside.any(axis=1, keepdims=True)
         total = np.where(planes, inside, total)
-    return (total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(*corners.shape, 3)
+    return unit(total).reshape(*corners.shape, 3)
 
 
 def over(bulge: np.ndarray, at: np.ndarray) -> np.ndarray:

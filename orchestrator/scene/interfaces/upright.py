@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.scene.mesh.geometry import unit
+
 # What is prescribed is taken out of a normal that keeps this much of its length.
 UPRIGHT = 1e-6
 
@@ -38,7 +40,7 @@ def mirrored(normals: np.ndarray, vectors: np.ndarray, triangles: np.ndarray,
     """
     if not held.any():
         return normals
-    facets = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    facets = unit(vectors)
     spread = _around(facets, triangles, len(normals)) + _around(-facets, triangles, len(normals))
     inside = np.where(held & (np.abs(normals) <= spread), 0.0, normals)
     length = np.linalg.norm(inside, axis=1, keepdims=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import format_point, unit
 
 # distance from the axis, over the extent of the points, at which there is no radial direction
 NEAR = 1e-9
@@ -32,9 +32,7 @@ class Cylindrical:
         radial on the axis.
         """
         arm = points - self.at
-        radial = arm - (arm @ self.axis)[..., None] * self.axis
-        size = np.linalg.norm(radial, axis=-1, keepdims=True)
-        radial = radial / np.where(size > 0, size, 1.0)
+        radial = unit(arm - (arm @ self.axis)[..., None] * self.axis)
         return np.stack([radial, np.cross(self.axis, radial),
                          np.broadcast_to(self.axis, radial.shape)], axis=-2)
 

@@ -18,7 +18,7 @@ from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.loads.base import Ground, Kind, FacePlace
 from orchestrator.scene.loads.frame import Cylindrical
-from orchestrator.scene.mesh.geometry import areas, node_normals
+from orchestrator.scene.mesh.geometry import areas, node_normals, unit
 
 
 class Foundation(Part):
@@ -55,8 +55,7 @@ class Springs(Ground):
                                      (count, 3,
                                       3)) if self.frame is None else self.frame.directions(points)
         if self.upright:
-            across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
-            across /= np.linalg.norm(across, axis=1, keepdims=True)
+            across = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
             directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
         return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)),
                                   np.repeat(self.stiffness[:, None], count, axis=1),

@@ -118,8 +118,8 @@ def node_areas(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray) ->
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """(n, 3) of length 1, or 0."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    """(…, 3) of length 1, or 0."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, 1.0)
 
 

@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.interfaces.skins import Surface as Smooth, over, surface_of
-from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point, rounding
+from orchestrator.scene.mesh.geometry import (
+    area_vectors, facet_normals, format_point, rounding, unit)
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.tools.motion import ToolSurface
 
@@ -50,8 +51,7 @@ class TriangulatedSurface(ToolSurface):
     def at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         which, share = self._nearest(points)
         off = points - np.einsum("nv,nvc->nc", share, self.corners[which])
-        normal = np.einsum("nv,nvc->nc", share, self.smooth.means[which])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        normal = unit(np.einsum("nv,nvc->nc", share, self.smooth.means[which]))
         far, straight = np.linalg.norm(off, axis=1), np.einsum("nc,nc->n", off, normal)
         distance = straight - over(self.smooth.bulge[which],
                                    share) * np.einsum("nc,nc->n", normal, self.normal[which])

@@ -87,9 +87,7 @@ class Moving:
         under = now.under
         if under is not None:  # surfaces turn as the facets do
             turn = now.facets[0].normal - self.surfaces.facets[0].normal
-            normals = under[0].normals + turn[:, None]
-            under = replace(under[0], normals=normals
-                            / np.linalg.norm(normals, axis=2, keepdims=True)), under[1]
+            under = replace(under[0], normals=unit(under[0].normals + turn[:, None])), under[1]
         return self._embedded(replace(now, segments=segments.nearest(now.area),
                                       resting=self.surfaces.area, under=under))
 

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.linalg import svd
-from orchestrator.scene.mesh.geometry import facet_normals
+from orchestrator.scene.mesh.geometry import facet_normals, unit
 from orchestrator.scene.mesh.grains.grain_meshes import GrainMesh
 
 # How good tets (m, 4) of nodes (n, 3) are: below 1 they are bad, without volume not above 0.
@@ -121,7 +121,7 @@ class Mending:
         random = np.random.default_rng(0)
         for _ in range(TRIALS):
             ways = random.standard_normal((DIRECTIONS, free.shape[1]))
-            trials[:, at] = place + step * (ways / np.linalg.norm(ways, axis=1)[:, None]) @ free.T
+            trials[:, at] = place + step * unit(ways) @ free.T
             found = self._fitness(trials.reshape(-1, 3),
                                   tets.reshape(-1, 4)).reshape(DIRECTIONS, -1).min(axis=1)
             first = int(found.argmax())

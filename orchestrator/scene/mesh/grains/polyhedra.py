@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree, Voronoi
 
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, cross
+from orchestrator.scene.mesh.geometry import area_vectors, cross, unit
 
 # Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 -
 # s.
@@ -235,12 +235,11 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np
         return None
     moment = volume[:, None] * (p + q + r) / 4
     centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    normal = unit(normal)
     if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre,
                        SEEN * np.cbrt(total)):
         return None
-    along = (shape[:, NEXT] - shape).reshape(-1, 3)
-    along /= np.linalg.norm(along, axis=1)[:, None]
+    along = unit((shape[:, NEXT] - shape).reshape(-1, 3))
     one, other = np.repeat(normal, 3, axis=0), normal[mate // 3]
     turn = np.arctan2(np.einsum("ij,ij->i", cross(one, other), along),
                       np.einsum("ij,ij->i", one, other))
