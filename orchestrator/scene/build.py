@@ -25,6 +25,7 @@ from orchestrator.scene.interfaces.freedom import leave_free, straighten
 from orchestrator.scene.joints import Joined, joined, with_grounds, with_tools
 from orchestrator.scene.loads.base import VolumePlace, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
+from orchestrator.scene.mesh.faces import by_label
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import split_numbering, SplitNumbering
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
@@ -213,9 +214,8 @@ def owned(config: Config, whole: Joined, held: Held, acting: SceneLoads) -> list
     """Return the subdomains with all that is theirs, and the code that solves each."""
     body, partition, numbering = whole.cut.body, whole.cut.partition, whole.cut.numbering
     mesh, fixed, thermal, made = body.mesh, held.fixed, acting.thermal, []
-    order = np.argsort(partition.subdomain, kind="stable")
-    ends = np.cumsum(np.bincount(partition.subdomain))[:-1]
-    for i, (name, cells) in enumerate(zip(partition.names, np.split(order, ends))):
+    for i, (name, cells) in enumerate(zip(partition.names, by_label(partition.subdomain,
+                                                           len(partition.names)))):
         own = slice(*numbering.offsets[i:i + 2])
         made.append(Subdomain(
             i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start,

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 
 from orchestrator.errors import wrong
 from orchestrator.optional import Late
-from orchestrator.scene.mesh.faces import Faces, links, pieces
+from orchestrator.scene.mesh.faces import by_label, Faces, links, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.names import unique_names
@@ -168,16 +168,11 @@ def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
     starts = np.r_[0, np.cumsum(shares)]
     part = np.empty(len(body), dtype=np.int64)
     a, b = links(faces, body)
-    by_body = np.argsort(body, kind="stable")
-    cell_range = np.searchsorted(body[by_body], np.arange(len(shares) + 1))
-    link_order = np.argsort(body[a], kind="stable")
-    link_range = np.searchsorted(body[a][link_order], np.arange(len(shares) + 1))
     local = np.empty(len(body), dtype=np.int64)
-    for i, share in enumerate(shares):
-        cells = by_body[cell_range[i]:cell_range[i + 1]]
-        own = link_order[link_range[i]:link_range[i + 1]]
+    for start, share, cells, own in zip(starts, shares, by_label(body, len(shares)),
+                                        by_label(body[a], len(shares))):
         local[cells] = np.arange(len(cells))
-        part[cells] = starts[i] + _cut(local[a[own]], local[b[own]], len(cells), int(share))
+        part[cells] = start + _cut(local[a[own]], local[b[own]], len(cells), int(share))
     _gather_strays(faces, part, body)
     return part
 

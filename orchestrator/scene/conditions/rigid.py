@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.errors import Problems, some
-from orchestrator.scene.mesh.faces import Faces, components, pieces
+from orchestrator.scene.mesh.faces import by_label, components, Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.linalg import svd
@@ -123,7 +123,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     pairs = np.concatenate([np.empty((0, 2), int), *links])
     count, joined = components(*piece[pairs].T, count)
     piece = joined[piece]
-    cells = np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1])
+    cells = by_label(piece)
     own = [np.unique(mesh.cells[chosen]) for chosen in cells]
     hint = _touching(mesh, own) if count > 1 else None
     kept = [[rows for cell, rows in grounds if piece[cell] == i] for i in range(count)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about, null_space, size_of
 from orchestrator.scene.interface import ends_of, Interface
-from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.faces import by_label, components
 from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene, Subdomain
@@ -74,8 +74,7 @@ class Supports:
         of.
         """
         result = np.ones(int(body.max()) + 1, dtype=bool)
-        for b, pieces in enumerate(np.split(np.argsort(body, kind="stable"),
-                                            np.cumsum(np.bincount(body))[:-1])):
+        for b, pieces in enumerate(by_label(body)):
             count = self.count[pieces].sum()
             if count >= 6:
                 rows = self.of_body(pieces)[1]

@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import (
     COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite)
-from orchestrator.scene.mesh.faces import edge_patches
+from orchestrator.scene.mesh.faces import by_label, edge_patches
 from orchestrator.scene.mesh.geometry import unit
 
 # How deep, in h, parts may reach into each other to be noticed.
@@ -92,7 +92,7 @@ def match(one: BodyFaces, two: BodyFaces, apart: bool = False, within: float | N
     facets, partners = np.c_[i, j][single], partners[single]
     triangles, cells = one.triangles[facets[:, 0]], np.c_[one.cells[facets[:, 0]],
                                                           two.cells[facets[:, 1]]]
-    return [Patch(facets[p], triangles[p], partners[p], cells[p]) for p in _connected(triangles)]
+    return [Patch(facets[p], triangles[p], partners[p], cells[p]) for p in by_label(edge_patches(triangles)[1])]
 
 
 def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:
@@ -103,15 +103,6 @@ def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:
         found, count = np.unique(nodes, return_counts=True)
         single &= ~np.isin(side, found[count > 1]).any(axis=1)
     return single
-
-
-def _connected(triangles: np.ndarray) -> list[np.ndarray]:
-    """Indices of triangles, one array per patch connected through edges, the lowest first."""
-    if len(triangles) == 0:
-        return []
-    label = edge_patches(triangles)[1]
-    order = np.argsort(label, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def back_to_back(one: Triangles, two: Triangles, i: np.ndarray, j: np.ndarray,

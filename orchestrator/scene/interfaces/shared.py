@@ -18,7 +18,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.parts import bonded, Parts
-from orchestrator.scene.mesh.faces import components, edge_patches, Faces
+from orchestrator.scene.mesh.faces import by_label, components, edge_patches, Faces
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 
 
@@ -116,10 +116,8 @@ def hinges(parts: Parts, laws: Laws, found: Sequence[Interface]) -> list[Interfa
     one, two = apart[np.concatenate(first)], apart[
         np.concatenate([f + step for f, step in zip(first, steps)])]
     pairs, which = np.unique(np.c_[owner[one], owner[two]], axis=0, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
     around, corners = _Around(parts, apart), 3 if numbering.corners.shape[1] == 4 else 6
-    for pair, at in zip(pairs.tolist(),
-                        np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)):
+    for pair, at in zip(pairs.tolist(), by_label(which.ravel())):
         a, b = one[at], two[at]
         entry, known = -1, ((), ())
         if partition.body(pair[0]) != partition.body(pair[1]):

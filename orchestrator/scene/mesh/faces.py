@@ -124,6 +124,13 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
     return count, label.astype(int)
 
 
+def by_label(label: np.ndarray, count: int = 0) -> list[np.ndarray]:
+    """Return the places (…,) int, ascending, of each label 0, 1, … among ``label`` (n,), of
+    ``count`` labels at least."""
+    ends = np.cumsum(np.bincount(label, minlength=count))
+    return np.split(np.argsort(label, kind="stable"), ends)[:-1]
+
+
 def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Return (sum of lengths,) int, whole numbers from each start (k,) on, as many as its length
     (k,) says, run after run.
