@@ -26,8 +26,8 @@ from orchestrator.scene.joints import Joined, joined, with_grounds, with_tools
 from orchestrator.scene.loads.base import VolumePlace, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.faces import by_label
-from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
-from orchestrator.scene.mesh.mesh import split_numbering, SplitNumbering
+from orchestrator.scene.mesh.geometry import node_areas, summed, tet_volumes
+from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.names import look_alike
@@ -81,7 +81,8 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     return Scene(
         config.name, cut.body.mesh, cut.partition.subdomain, cut.body.material, body.materials,
         subdomains, whole.interfaces, whole.boundary, fixed, prescribed,
-        _on_nodes(acting.loads, cut.numbering), config.steps, problems.warnings, whole.near,
+        np.stack([summed(cut.numbering.nodes, step, cut.numbering.total)
+                  for step in acting.loads]), config.steps, problems.warnings, whole.near,
         whole.sagitta, whole.bolts, acting.thermal, probes=probes, element=body.choice,
         body_force=acting.body_force, covered=whole.covered,
         brought=any(config.codes[s.code].brings_loads or s.remembers for s in subdomains))
@@ -235,11 +236,3 @@ def owned(config: Config, whole: Joined, held: Held, acting: SceneLoads) -> list
             made[e].contact_area[nodes] += node_areas(
                 mesh.nodes[made[e].nodes[nodes]], i.triangles_on(side)[:, :3], CORNER_SHARES[3])
     return made
-
-
-def _on_nodes(loads: np.ndarray, numbering: SplitNumbering) -> np.ndarray:
-    """Loads (steps, n, 3) on the mesh's nodes from those on split nodes (steps, N, 3)."""
-    return np.stack(
-        [[np.bincount(numbering.nodes, weights=step[:, c], minlength=numbering.total)
-          for c in range(3)]
-                     for step in loads]).transpose(0, 2, 1).copy()

@@ -17,6 +17,7 @@ from orchestrator.config.base import no_direction
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.loads.frame import Cylindrical
+from orchestrator.scene.mesh.geometry import summed
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS
 
@@ -42,9 +43,7 @@ class Forces:
     def add_to(self, loads: np.ndarray, at: np.ndarray) -> None:
         """Add them to ``loads`` (steps, N, 3) at the elements' nodes (k, p)."""
         for m, shape in enumerate(self.shapes):
-            sums = np.stack([np.bincount(at.ravel(), weights=one.ravel(), minlength=loads.shape[1])
-                             for one in np.moveaxis(shape, 2, 0)],
-                            axis=1)
+            sums = summed(at, shape, loads.shape[1])
             loads += self.amounts[:, m, None] * sums
 
     def densities(self, volumes: np.ndarray) -> np.ndarray:

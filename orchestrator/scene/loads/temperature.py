@@ -22,7 +22,7 @@ from orchestrator.config.base import Name, Part, Vector, either
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import VolumePlace, Kind, Strain
-from orchestrator.scene.mesh.geometry import format_point, shape_gradients, tet_volumes
+from orchestrator.scene.mesh.geometry import format_point, shape_gradients, summed, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TET_POINTS, quadratic_slopes
 from orchestrator.scene.number_table import NumberTable
@@ -180,9 +180,7 @@ def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any],
         else:
             forces = sum(np.einsum("k,ab,kbx->kax", stiff / 4 * (own @ p), quadratic_slopes(p),
                                    gradients) for p in TET_POINTS[10])
-        for c in range(3):
-            loads[step, :, c] += np.bincount(at.ravel(), weights=forces[:, :, c].ravel(),
-                                             minlength=loads.shape[1])
+        loads[step] += summed(at, forces, loads.shape[1])
 
 
 def strained_energy(mesh: Mesh, strain: np.ndarray, lames: np.ndarray) -> np.ndarray:

@@ -117,6 +117,12 @@ def node_areas(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray) ->
     return np.bincount(triangles.ravel(), weights=each.ravel(), minlength=len(points))
 
 
+def summed(at: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """(count, c) sums of values (…, c) at places (…) int."""
+    return np.stack([np.bincount(at.ravel(), one.ravel(), count)
+                     for one in np.moveaxis(values, -1, 0)], axis=1)
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
     """(…, 3) of length 1, or 0."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree, Voronoi
 
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, cross, unit
+from orchestrator.scene.mesh.geometry import area_vectors, cross, summed, unit
 
 # Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 -
 # s.
@@ -116,8 +116,7 @@ def centroids(cells: Tessellation) -> np.ndarray:
     p, q, r = np.moveaxis(cells.vertices[np.array(fans)], 1, 0)
     volume = np.einsum("ij,ij->i", np.cross(p, q), r) / 6
     moment = volume[:, None] * (p + q + r) / 4
-    summed = np.stack([np.bincount(owners, m, count) for m in moment.T], axis=1)
-    return summed / np.bincount(owners, volume, count)[:, None]
+    return summed(owners, moment, count) / np.bincount(owners, volume, count)[:, None]
 
 
 def without_repeats(loop: list[int]) -> list[int]:
@@ -234,7 +233,7 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np
     if np.any(total <= 0):
         return None
     moment = volume[:, None] * (p + q + r) / 4
-    centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
+    centre = summed(body, moment, len(total)) / total[:, None]
     normal = unit(normal)
     if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre,
                        SEEN * np.cbrt(total)):
