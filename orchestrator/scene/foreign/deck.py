@@ -18,7 +18,7 @@ from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.surfaces import forgotten, holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.readers.inp import solid_nodes, SOLIDS
+from orchestrator.scene.mesh.readers.inp import place, solid_nodes, SOLIDS
 from orchestrator.scene.mesh.readers.inp_cards import (
     cards, cards_of_a_model, heading, Inclusion, numbers, CardLine)
 from orchestrator.scene.mesh.readers.inp_model import InpModel, outer
@@ -142,10 +142,9 @@ class Deck(InpModel):
 
     def places(self, ids: np.ndarray) -> np.ndarray:
         """(n, 3) where nodes are."""
-        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        if (self.ids[at] != ids).any():
+        if ((at := place(self.ids, ids)) < 0).any():
             raise wrong(self.path,
-                        f"{self.file}: node {ids[self.ids[at] != ids][0]} of a joint is not there",
+                        f"{self.file}: node {ids[at < 0][0]} of a joint is not there",
                         "nodes that *NODE gives", "mend the node set")
         return self.points[at]
 

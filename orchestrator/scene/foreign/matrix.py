@@ -20,6 +20,7 @@ from orchestrator.scene.foreign.condensed import check_modulus, condense, Conden
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints
 from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
 from orchestrator.scene.mesh.checks import check_memory
+from orchestrator.scene.mesh.readers.inp import place
 from orchestrator.scene.number_table import NumberTable
 
 
@@ -191,9 +192,7 @@ def condensed(part: MatrixPart, path: KeyPath, name: str, steps: int,
                     f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} "
                     "|K|", "a symmetric one",
                     "write both halves, or the lower one with 'symmetric' in the file's head")
-    order = np.argsort(ids)
-    at = order[np.searchsorted(ids[order], joints.ids)]
-    dofs = (3 * at[:, None] + np.arange(3)).ravel()
+    dofs = (3 * place(ids, joints.ids)[:, None] + np.arange(3)).ravel()
     rounding = _rounding(Path(part.stiffness))
     _check_places(K, points, ids, rounding, (*path, "nodes"), name)
     S, b, error = condense(K, loads, dofs, path, name, rounding)

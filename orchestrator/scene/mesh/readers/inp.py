@@ -94,7 +94,7 @@ class _Mesh(InpModel):
         ids, blocks = self.nodes[:, 0].astype(int), {}
         numbers = {kind: table[:, 0] for kind, table in self.blocks.items()}
         for kind, table in self.blocks.items():
-            blocks[kind] = _place(ids, table[:, 1:])
+            blocks[kind] = place(ids, table[:, 1:])
             if (blocks[kind] < 0).any():
                 lost = table[:, 1:][blocks[kind] < 0][0] % PER_SCOPE
                 raise problem("", f"an element has node {lost}, which is not there",
@@ -141,7 +141,7 @@ class _Mesh(InpModel):
             rows = slice(start, start := start + len(blocks[kind]))
             for side, corners in enumerate(SIDES[shape]):
                 table[rows, side, : len(corners)] = blocks[kind][:, corners]
-        there, order, found = table[:, :, 0] != _NO_NODE, np.argsort(ids), {}
+        there, found = table[:, :, 0] != _NO_NODE, {}
         table = _without_repeats(table)
         for name, entries in self.surfaces.items():
             if name in self.passed:
@@ -151,8 +151,8 @@ class _Mesh(InpModel):
                 members = self.named("ELSET", word)
                 if members is None:
                     members = np.array([int(word) + row.scope.start]) if word.isdigit() else _NONE
-                at = order[np.clip(np.searchsorted(ids[order], members), 0, len(ids) - 1)]
-                at = at[ids[at] == members]
+                at = place(ids, members)
+                at = at[at >= 0]
                 if not there[at, side].all():
                     row.fail(f"a face S{side + 1} of an element that has fewer",
                              "S1 … S4 of a tetrahedron, … S5 of a prism, … S6 of a hexahedron")
@@ -163,7 +163,7 @@ class _Mesh(InpModel):
         inside = np.zeros(len(node_ids) + 1, dtype=bool)
         for name, members in self.sets["NSET"].items():
             if name and name not in found and not self._is_volume(name):
-                at = _place(node_ids, members)
+                at = place(node_ids, members)
                 inside[:] = False
                 inside[at[at >= 0]] = True
                 inside[_NO_NODE] = True
@@ -217,7 +217,7 @@ def _upper(cards: list[Card], card: str) -> set[str]:
             for own, options, rows in cards if own == card}
 
 
-def _place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Places of numbers among ``ids`` (n,); -1 of what is none of them."""
     if not len(ids):
         return np.full(np.shape(wanted), -1)
