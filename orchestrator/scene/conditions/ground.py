@@ -19,7 +19,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.body import Divided
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.mesh.faces import edge_patches, faces_of
+from orchestrator.scene.mesh.faces import edge_patches, faces_of, renumbered
 from orchestrator.scene.mesh.geometry import format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.mesh.quadratic import faces_of_six
@@ -71,9 +71,8 @@ def add_layers(cut: Divided, wanted: Mapping[str, Sequence[Layer]],
     for number, (name, several) in enumerate(wanted.items(), len(mesh.volumes)):
         begin = firsts[-1]
         for one in several:
-            at, local = np.unique(one.triangles, return_inverse=True)
-            local, points = local.reshape(one.triangles.shape), mesh.nodes[at]
-            count = len(local)
+            at, local = renumbered(one.triangles)
+            points, count = mesh.nodes[at], len(local)
             layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
                                   one.thickness * local_size(points, local)), +1)
             layers += [points, layer.points]
@@ -106,8 +105,7 @@ def _interfaces(cut: Divided, first: int, body: str, layer: Layer) -> Iterator[I
     first : first node of the layer
     """
     partition, numbering, faces = cut.partition, cut.numbering, cut.body.faces
-    at, local = np.unique(layer.triangles, return_inverse=True)
-    local = local.reshape(layer.triangles.shape)
+    at, local = renumbered(layer.triangles)
     behind = faces.owner[faces.find(local[:, :3] + first)]
     owner, ground = partition.subdomain[layer.cells], int(partition.subdomain[behind[0]])
     group = owner if layer.whole else np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0,

@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.opposite import Triangles
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
-from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.faces import faces_of, renumbered
 from orchestrator.scene.mesh.geometry import barycentric
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -71,8 +71,7 @@ class Overlap:
 
 def solid_of(mesh: Mesh, volume: int) -> tuple[np.ndarray, Solid]:
     """(n,) int, a volume's nodes, and the volume on these."""
-    number, cells = np.unique(mesh.cells[mesh.volume == volume], return_inverse=True)
-    cells = cells.reshape(-1, mesh.cells.shape[1])
+    number, cells = renumbered(mesh.cells[mesh.volume == volume])
     faces = faces_of(cells[:, :4], len(number))
     return number, Solid(mesh.nodes[number], cells, faces.triangles[faces.outer])
 

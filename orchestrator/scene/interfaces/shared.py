@@ -18,7 +18,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.parts import bonded, Parts
-from orchestrator.scene.mesh.faces import by_label, components, edge_patches, Faces
+from orchestrator.scene.mesh.faces import by_label, components, edge_patches, Faces, renumbered
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 
 
@@ -32,10 +32,9 @@ def shared_faces(parts: Parts, laws: Laws, problems: Problems) -> list[Interface
         one, two = (int(i) for i in sides[first])
         known = _known_as(parts, shared[first:last], (one, two))
         entry = -1 if partition.body(one) == partition.body(two) else laws.between(*known)
-        nodes, local = np.unique(triangles[first:last], return_inverse=True)
-        found.append(parts.interface((one, two), (nodes, nodes),
-                                     local.reshape(-1, triangles.shape[1]),
-                                     cells[first:last], called=known))
+        nodes, local = renumbered(triangles[first:last])
+        found.append(parts.interface((one, two), (nodes, nodes), local, cells[first:last],
+                                     called=known))
         laws.apply(entry, found[-1])
         if laws[entry].follows:
             problems.add(

@@ -124,6 +124,12 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
     return count, label.astype(int)
 
 
+def renumbered(elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes (n,) int, ascending, of elements (m, p), and these by places among them."""
+    nodes, local = np.unique(elements, return_inverse=True)
+    return nodes, local.reshape(elements.shape)
+
+
 def by_label(label: np.ndarray, count: int = 0) -> list[np.ndarray]:
     """Return the places (…,) int, ascending, of each label 0, 1, … among ``label`` (n,), of
     ``count`` labels at least."""

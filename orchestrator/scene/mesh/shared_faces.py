@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.errors import wrong
 from orchestrator.scene.mesh.cad import (
     Sizing, apply_refinement, check_curvature, face_shape, refined_faces)
+from orchestrator.scene.mesh.faces import renumbered
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model,
     session)
@@ -88,11 +89,11 @@ def arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
     """The mesh that gmsh holds of solids as ``joined`` tells them."""
     pieces = [tag for _, tag in gmsh.model.getEntities(3)]
     cells, piece = elements(TET, pieces)
-    used, inverse = np.unique(cells, return_inverse=True)
+    used, cells = renumbered(cells)
     faces = outer_faces(names, owner)
     surfaces = {name: np.searchsorted(used, elements(TRIANGLE, [tag])[0])
                 for name, tag in faces.items()}
     kept, volume = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
-    return Mesh(points(used), inverse.reshape(-1, 4), volume, [names[i] for i in kept], surfaces,
+    return Mesh(points(used), cells, volume, [names[i] for i in kept], surfaces,
                 source,
                 smooth={name: face_shape(tag) for name, tag in faces.items()})

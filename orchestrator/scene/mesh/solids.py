@@ -14,6 +14,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, some, visible
 from orchestrator.scene.mesh.cad import (
     Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of)
+from orchestrator.scene.mesh.faces import renumbered
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points,
     read_model, read_unit,
@@ -196,8 +197,8 @@ def _mesh_visible(solid: MeshedSolid) -> str:
     cells, _ = elements(TET, [solid.tag])
     if not len(cells):  # gmsh passes over what it cannot fill
         return f"no tetrahedra with h = {solid.size}"
-    used, inverse = np.unique(cells, return_inverse=True)
-    solid.points, solid.cells = points(used), inverse.reshape(-1, 4)
+    used, solid.cells = renumbered(cells)
+    solid.points = points(used)
     solid.surfaces = [np.searchsorted(used, elements(TRIANGLE, [tag])[0]) for tag in solid.faces]
     solid.shapes = [face_shape(tag) for tag in solid.faces]
     return ""

@@ -25,7 +25,7 @@ from orchestrator.scene.conditions.ground import add_layers, Layer
 from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.opposite import COINCIDE, cosine_of, REACH, TOUCHING
-from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.faces import Faces, renumbered
 from orchestrator.scene.mesh.geometry import barycentric, facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry
@@ -163,8 +163,8 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     """
     outer = faces.outer[cells[faces.owner[faces.outer]]]
     triangles = faces.triangles[outer]
-    nodes, local = np.unique(triangles, return_inverse=True)
-    local, points = local.reshape(triangles.shape), mesh.nodes[nodes]
+    nodes, local = renumbered(triangles)
+    points = mesh.nodes[nodes]
     facet, area = facet_normals(mesh.nodes, triangles)
     size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):

@@ -21,6 +21,7 @@ from orchestrator.scene.interfaces.mortar.segments import Segments, find_segment
 from orchestrator.scene.interfaces.opposite import BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Surface
 from orchestrator.scene.interfaces.upright import mirrored
+from orchestrator.scene.mesh.faces import renumbered
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_vectors, unit
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES, TRIANGLE_SHARES
 
@@ -66,10 +67,8 @@ class Surfaces:
         place = [np.zeros(len(t), dtype=int) for t in triangles]
         for number, own in zip(place, met):
             number[own] = np.arange(len(own))
-        nodes, local = zip(*(np.unique(t[own], return_inverse=True)
-                             for t, own in zip(triangles, met)))
-        return cls(tuple(points[n] for n in nodes), nodes,
-                   tuple(at.reshape(-1, t.shape[1]) for at, t in zip(local, triangles)),
+        nodes, local = zip(*(renumbered(t[own]) for t, own in zip(triangles, met)))
+        return cls(tuple(points[n] for n in nodes), nodes, local,
                    tuple(c[own] for c, own in zip(cells, met)), segments.numbered(*place))
 
     def moved(self, points: np.ndarray) -> Surfaces:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.processes import mallopt
-from orchestrator.scene.mesh.faces import LOCAL_FACES, runs
+from orchestrator.scene.mesh.faces import LOCAL_FACES, renumbered, runs
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
 from orchestrator.scene.mesh.grains.polyhedra import SIDES, Tessellation
 
@@ -128,7 +128,7 @@ def _grain(points: np.ndarray, triangles: np.ndarray,
            first: int) -> tuple[np.ndarray, np.ndarray]:
     """Points within a grain of triangles (k, 3), and its tets, of the points and these, which are
     numbered from ``first`` on."""
-    used, local = np.unique(triangles, return_inverse=True)
+    used, local = renumbered(triangles)
     gmsh.model.add("grain")
     surface = gmsh.model.addDiscreteEntity(2)
     gmsh.model.mesh.addNodes(2, surface, np.arange(len(used)) + 1, points[used].ravel())

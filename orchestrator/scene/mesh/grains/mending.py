@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.linalg import svd
+from orchestrator.scene.mesh.faces import renumbered
 from orchestrator.scene.mesh.geometry import facet_normals, unit
 from orchestrator.scene.mesh.grains.grain_meshes import GrainMesh
 
@@ -112,12 +113,12 @@ class Mending:
         place, best = self.points[node], was
         if not free.shape[1]:
             return best, place
-        used, local = np.unique(self.cells[self._at[node]], return_inverse=True)
+        used, local = renumbered(self.cells[self._at[node]])
         at, points = int(np.searchsorted(used, node)), self.points[used]
         step = np.linalg.norm(np.delete(points, at, axis=0) - place, axis=1).min() / 2
         # All trials in one call: as many copies of the nodes, side by side.
         trials = np.repeat(points[None], DIRECTIONS, axis=0)
-        tets = local.reshape(-1, 4) + len(used) * np.arange(DIRECTIONS)[:, None, None]
+        tets = local + len(used) * np.arange(DIRECTIONS)[:, None, None]
         random = np.random.default_rng(0)
         for _ in range(TRIALS):
             ways = random.standard_normal((DIRECTIONS, free.shape[1]))

@@ -15,6 +15,7 @@ import numpy as np
 
 from orchestrator.registry import READERS
 from orchestrator.scene.mesh.checks import bad_file, check_memory
+from orchestrator.scene.mesh.faces import renumbered
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.readers.partitioned import in_partitions, read_all
 from orchestrator.scene.mesh.readers.splitting import in_tets, straightened
@@ -51,7 +52,7 @@ def read(path: Path) -> Mesh:
                        + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 keeps "
                        "them")
     triangles, surfaces, _ = cells_of(raw, "triangle", 2, "surface")
-    used, inverse = np.unique(cells, return_inverse=True)
+    used, cells = renumbered(cells)
     renumber = np.full(len(raw.points), -1)
     renumber[used] = np.arange(len(used))
     named = {name: renumber[triangles[index]] for name, index in surfaces.items()}
@@ -60,7 +61,7 @@ def read(path: Path) -> Mesh:
     for name, (_, dimension) in physical_names(raw):
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), np.int64))
-    return Mesh(np.asarray(raw.points, float)[used], inverse.reshape(-1, 4), volume, volumes,
+    return Mesh(np.asarray(raw.points, float)[used], cells, volume, volumes,
                 named, str(path), remarks=[
         *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear])
 
