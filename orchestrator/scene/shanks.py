@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.interfaces.opposite import Triangles
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import facet_normals, tet_volumes
+from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.shapes import cylinder
 
@@ -181,7 +182,8 @@ def _cylinder(mesh: Mesh, faces: Faces,
     inside = np.isin(faces.owner, cells), np.isin(faces.neighbour, cells) & (faces.neighbour >= 0)
     triangles = faces.triangles[inside[0] ^ inside[1], :3]
     corners = mesh.nodes[triangles[np.lexsort(np.sort(triangles, axis=1).T[::-1])]]
-    normal, area = facet_normals(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    facets = Triangles.of(corners)
+    normal, area = facets.normal, facets.area
     for _ in range(2):
         beside = np.abs(normal @ axis) < ACROSS
         if not beside.any():

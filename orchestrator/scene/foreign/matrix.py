@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.scene.conditions.rigid import motions_about, size_of
+from orchestrator.scene.conditions.rigid import motions
 from orchestrator.scene.foreign.condensed import check_modulus, condense, Condensed, judged
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints
 from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
@@ -208,7 +208,7 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
     K vanishes on all rigid motions, held or not. Where it vanishes on translations and not on
     rotations, the node or one that it is
     connected with is elsewhere."""
-    R = motions_about(points, points.mean(axis=0), size_of(points)).reshape(-1, 6)
+    R = motions(points)
     terms = sp.csr_array((np.abs(K.data), K.indices, K.indptr), K.shape) @ np.abs(R)
     left = np.abs(K @ R) / np.where(terms > 0, terms, 1.0)
     of_node = left.reshape(len(points), 3, 6).max(axis=1)
