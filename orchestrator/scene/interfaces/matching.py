@@ -92,7 +92,8 @@ def match(one: BodyFaces, two: BodyFaces, apart: bool = False, within: float | N
     facets, partners = np.c_[i, j][single], partners[single]
     triangles, cells = one.triangles[facets[:, 0]], np.c_[one.cells[facets[:, 0]],
                                                           two.cells[facets[:, 1]]]
-    return [Patch(facets[p], triangles[p], partners[p], cells[p]) for p in by_label(edge_patches(triangles)[1])]
+    return [Patch(facets[p], triangles[p], partners[p], cells[p])
+            for p in by_label(edge_patches(triangles)[1])]
 
 
 def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:
