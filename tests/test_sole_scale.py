@@ -39,14 +39,16 @@ def made(config):
         return prepared(config, build_scene(config), blackbox)
 
 
-def test_soles_end_alike_wherever_they_begin():
-    ends = {factor: made(three(USUAL * factor)) for factor in (0.03, 1, 30)}
+def test_soles_that_are_too_soft_end_alike_wherever_they_begin():
+    """Others stay as they are."""
+    ends = {factor: made(three(USUAL * factor)) for factor in (0.03, 0.1, 1, 30)}
     slack = NEAR ** (1 / 0.3)  # what is measured changes by at least the 0.3rd power of k
-    for factor, d in ends.items():
+    for factor in (0.03, 0.1):
+        d = ends[factor]
         assert 1 / slack <= stiffness(d) / stiffness(ends[1]) <= slack * FLAT ** (1 / 0.3)
-        assert round(np.log(d.made.sole_scale) / np.log(NOTCH), 9) % 1 == 0
-    assert ends[0.03].made.sole_scale > 5 and ends[30].made.sole_scale < 0.2
-    assert ends[1].made.sweeps <= min(ends[0.03].made.sweeps, ends[30].made.sweeps)
+        assert round(np.log(d.made.sole_scale) / np.log(NOTCH), 9) % 1 == 0 and d.made.sole_scale > 2
+    assert ends[1].made.sole_scale == ends[30].made.sole_scale == 1
+    assert ends[1].made.sweeps < min(ends[0.03].made.sweeps, ends[0.1].made.sweeps)
 
 
 def test_what_is_loaded_is_what_the_method_reckons_with():

@@ -52,8 +52,8 @@ class SoleSettings(Part):
         "0.6-2.5 is a flat optimum"))
     fit: bool = Field(True, description=(
         "springs where bodies may part begin at contact_ratio; before the iterations two solves "
-        "tell how stiff the bodies behind them are, and springs that are off by more than about a "
-        "half follow, all by one factor, for another factorisation"))
+        "tell how stiff the bodies behind them are, and springs that are too soft by more than "
+        "about a half become stiffer, all by one factor, for another factorisation"))
     thickness: AutoPositive = Field("auto",
                                     description="auto: the local element size, shrunk where it "
                                     "would invert")

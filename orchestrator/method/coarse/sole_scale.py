@@ -10,8 +10,9 @@ is measured. The black box applies
     C k = N M⁻¹ Nᵀ k = (S + k)⁻¹ k,    whose eigenvalues are θ = 1/(1 + σ),
 
 and a few steps of Lanczos' method in the inner product of k, all bodies side by side, find the ends
-of most of what there is. Where √(σ_min σ_max) is so far off that it is worth another factorisation,
-all soles are made stiffer or softer by one factor, and looked at again.
+of most of what there is. Where √(σ_min σ_max) is so far above the best that it is worth another
+factorisation, all soles are made stiffer by one factor, and looked at again. They are never made
+softer: that slows iterations, whatever the ends are.
 
 A factor for each interface gained nothing over the one for all, and lost an assembly whose bodies
 are hard to measure.
@@ -98,7 +99,8 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]],
             before = [*found][-2]
             slope = np.clip((found[scale] - found[before]) / np.log(scale / before), STEEPEST,
                             FLATTEST)
-        following = NOTCH ** round((np.log(scale) - found[scale] / slope) / np.log(NOTCH))
+        following = max(1.0, NOTCH ** round((np.log(scale) - found[scale] / slope)
+                                            / np.log(NOTCH)))
         if following in known:
             break
         scale, known[following] = following, loaded(following)

@@ -39,8 +39,7 @@ class BlockPattern:
         places = np.unique(np.concatenate([_places(all_ends, bodies), bodies * own + own]))
         self.rows, self.indices = np.divmod(places, bodies)
         self.diagonal = np.flatnonzero(self.rows == self.indices)
-        self.indptr = np.searchsorted(self.rows, np.arange(bodies + 1)).astype(np.int32)
-        self.indices = self.indices.astype(np.int32)
+        self.indptr = np.searchsorted(self.rows, np.arange(bodies + 1))
         where = np.searchsorted(places, _places(ends, bodies))
         self.sums = sp.csr_array((np.ones(len(where)), (where, np.arange(len(where)))),
                                  shape=(len(places), len(where)))
