@@ -22,7 +22,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.solving import announced, Ranks, solve, solved_anew
+from orchestrator.solving import Ranks, scene_of, solve, solved_anew
 from orchestrator.timing import Stopwatch
 
 
@@ -69,7 +69,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
     with locked(folder), unexpected(folder, team), drawing as artist:
         with closing(Progress(quiet and not means.label, label=means.label)) as progress:
             _make_ready(folder, config, resume)
-            scene = announced(config, progress, watch, means.meshed)
+            scene = scene_of(config, progress, watch, means.meshed)
             with closing(Record(folder, config, scene, watch, artist, resume=resume)) as record:
                 team.share((config, reference))
                 told = [*record.subscribers, progress]

@@ -69,7 +69,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         if not all(entry.kind.perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if anew := team.share(scene is None):
-            scene = None if team.rank else announced(config, told, watch)
+            scene = None if team.rank else scene_of(config, told, watch)
         with by_keys():
             solution = OneSolution(config, told, start, watch, ranks, reference).of(scene)
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
@@ -93,29 +93,24 @@ def solved_anew(config: Config, first: Solution, subscribers: Sequence[Subscribe
         return solve(config, scene, told, start=start, watch=watch, ranks=ranks)
 
     return paired_anew(config, first,
-                       lambda config: announced(config, Subscribers(subscribers), watch, meshed,
-                                                "pairing sides anew"), again)
+                       lambda config: scene_of(config, Subscribers(subscribers), watch, meshed,
+                                               "pairing sides anew"), again)
 
 
-def announced(config: Config, told: Subscribers, watch: Stopwatch, meshed: Meshed | None = None,
-              stage: str = "meshing") -> Scene:
-    """Return ``scene_of`` a configuration; subscribers are told."""
-    told.stage(stage)
-    with watch("mesh"):
-        scene = scene_of(config, meshed)
-    told.made(scene)
-    return scene
-
-
-def scene_of(config: Config, meshed: Meshed | None = None) -> Scene:
+def scene_of(config: Config, told: Subscribers, watch: Stopwatch, meshed: Meshed | None = None,
+             stage: str = "meshing") -> Scene:
     """Return the scene of a configuration, programs started, after a look whether its code is
-    there.
+    there; subscribers are told.
 
     meshed : as of ``build_scene``
     Raises InputError: as ``build_scene``, or a code is not there
     """
-    if len(config.codes) == 1:  # a code that all subdomains need: before the time it takes to mesh
-        find_codes(config.codes, run_programs=False)
-    scene = build_scene(config, run_programs=True, meshed=meshed or Meshed().once)
-    trim()
+    told.stage(stage)
+    with watch("mesh"):
+        # a code that all subdomains need: before the time it takes to mesh
+        if len(config.codes) == 1:
+            find_codes(config.codes, run_programs=False)
+        scene = build_scene(config, run_programs=True, meshed=meshed or Meshed().once)
+        trim()
+    told.made(scene)
     return scene

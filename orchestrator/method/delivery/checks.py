@@ -22,8 +22,7 @@ What the run says of its error, over what all interfaces carry, is what a check 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -45,22 +44,6 @@ ROUNDING = 1e-12
 AROUND = np.sqrt(0.5)
 
 
-@dataclass(frozen=True)
-class HandedOver:
-    """Work that one interface hands over in the motion of its surfaces that its force and moment
-    are along, T load steps.
-
-    name : of the interface
-    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of
-        pressures; size : (T,) Σ p A |m|, |m| ≤ 1
-    """
-
-    name: str
-    power: np.ndarray
-    capacity: np.ndarray
-    size: np.ndarray
-
-
 def checked(scene: Scene, fields: InterfaceFields, resultants: Resultants, off: float,
             felt: float) -> list[str]:
     """Return sentences on what cannot be, the worst first.
@@ -68,14 +51,8 @@ def checked(scene: Scene, fields: InterfaceFields, resultants: Resultants, off: 
     fields : of all interfaces that are not perfect
     off : relative error of forces that the run tells; felt : all that soles feel
     """
-    own = [handed_over(scene, i, fields, at, resultants)
-           for i, (_, at) in zip(scene.opening, fields.each())
-           # sides that slide on meet where they have moved to
-           if i.law.slips and not i.follows]
-    push = np.maximum(fields.pressure, 0.0) * fields.areas
-    pushes = np.max([push[:, at].sum(axis=1) for _, at in fields.each()], axis=0)
     around = _around(scene)
-    said = [*beyond_friction([one for one in own if one is not None], off, felt, pushes),
+    said = [*beyond_friction(scene, fields, resultants, off, felt),
             *(each for bolt in scene.bolts
               for each in back_into_thread(scene, bolt, around, resultants, off))]
     return [sentence for _, sentence in sorted(said, reverse=True)]
@@ -119,9 +96,11 @@ def motions_of(scene: Scene, i: Interface, about: np.ndarray, size: float) -> np
 
 
 def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
-                resultants: Resultants) -> HandedOver | None:
-    """Return what an interface with Coulomb's friction hands over; None where no motion moves both
-    its sides in themselves.
+                resultants: Resultants) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return what an interface with Coulomb's friction hands over in the motion of its surfaces
+    that its force and moment are along: (T,) |F·v + M·ω|, a force; (T,) Σ μ p A |m|, and what
+    supports take of pressures; (T,) Σ p A |m|, |m| ≤ 1. None where no motion moves both its sides
+    in themselves.
 
     fields : whose nodes ``own`` are this interface's
     """
@@ -146,7 +125,7 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
     # to side
     beside = np.abs(np.einsum("tnc,nc->tn", moved, np.where(_held(i), fields.normal[own], 0.0)))
     allowed = float(i.law.friction) * worth + (push * beside).sum(axis=1) / most
-    return HandedOver(i.name, (wrench * along).sum(axis=1) / most, allowed, worth)
+    return (wrench * along).sum(axis=1) / most, allowed, worth
 
 
 def _held(i: Interface) -> np.ndarray:
@@ -160,23 +139,29 @@ def _held(i: Interface) -> np.ndarray:
     return ~free[i.shown]
 
 
-def beyond_friction(found: Sequence[HandedOver], off: float, felt: float,
-                    pushes: np.ndarray) -> Iterator[tuple[float, str]]:
-    """Yield how far beyond what is possible interfaces are, and a sentence on each.
-
-    off : relative error of forces; felt : all forces that rounding is of
-    pushes : (T,) the largest Σ p A of an interface
+def beyond_friction(scene: Scene, fields: InterfaceFields, resultants: Resultants, off: float,
+                    felt: float) -> Iterator[tuple[float, str]]:
+    """Yield how far beyond what is possible interfaces are, and a sentence on each; parameters as
+    for ``checked``.
     """
+    push = np.maximum(fields.pressure, 0.0) * fields.areas
+    # (T,) the largest Σ p A of an interface
+    pushes = np.max([push[:, at].sum(axis=1) for _, at in fields.each()], axis=0)
     nothing, off = ROUNDING * pushes.max(initial=felt), max(off, ALIKE)
-    for one in found:
-        left = one.power - one.capacity - off * (one.size + pushes) - nothing
+    for i, (_, at) in zip(scene.opening, fields.each()):
+        # sides that slide on meet where they have moved to
+        if not i.law.slips or i.follows or (
+                handed := handed_over(scene, i, fields, at, resultants)) is None:
+            continue
+        power, capacity, size = handed
+        left = power - capacity - off * (size + pushes) - nothing
         step = int(np.argmax(left))
         if left[step] > 0:
-            what = "friction can hold there" if one.capacity[
+            what = "friction can hold there" if capacity[
                 step] > 0 else "a surface without friction can"
             yield left[step], (
-                f"{one.name} hands over {one.power[step]:.4g} along its surfaces (of a moment: "
-                f"over its arm) at load step {step + 1}, where {one.capacity[step]:.4g} is all "
+                f"{i.name} hands over {power[step]:.4g} along its surfaces (of a moment: "
+                f"over its arm) at load step {step + 1}, where {capacity[step]:.4g} is all "
                 f"that {what}")
 
 

@@ -26,7 +26,8 @@ from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
 from orchestrator.method.stopping.bodies import body_residual, judged_together
 from orchestrator.method.stopping.error_estimate import ErrorEstimate
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
+from orchestrator.method.stopping.law_residuals import (
+    FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals)
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -125,7 +126,8 @@ def deliver(d: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopw
     with watch("bound"):
         lawful = Lawful.of(d, iterated, parts)
         backward = _backward(d, iterated, parts, lawful)
-    interfaces = interface_fields(d, iterated, lawful and lawful.pair, backward and backward.shift)
+    interfaces = interface_fields(d, iterated, lawful and iterated.bound.pair,
+                                  backward and backward.shift)
     inside = interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
@@ -135,7 +137,8 @@ def deliver(d: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopw
         laws = _laws(d, iterated, lengths, scale)
         contact = ContactFound(laws, stabilised(d, iterated),
                                open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
-                               backward, lawful and shares(d, lawful, inside.energy))
+                               backward,
+                               lawful and shares(d, iterated.bound, lawful, inside.energy))
         iterated = replace(iterated, found={**iterated.found, "unsolved": unsolved(d, iterated)})
     # what has stopped by itself says why: far from an answer, or far away, rounding breaks guards
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside,

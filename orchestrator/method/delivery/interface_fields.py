@@ -43,8 +43,8 @@ ALONG = dict.fromkeys(("names", "laws", "subdomains", "index"),
 
 
 @dataclass(frozen=True)
-class OpenSurfaces:
-    """All interfaces that are not perfect, interface after interface."""
+class InterfaceFields:
+    """Fields of all interfaces that are not perfect, interface after interface."""
 
     names: np.ndarray  # (I,) texts
     laws: np.ndarray  # (I,) texts
@@ -62,26 +62,6 @@ class OpenSurfaces:
     # (N,) length, negative for a press fit; of one with a history, at the load step that asks for
     # most
     initial_gap: np.ndarray
-
-    @property
-    def interface_of_node(self) -> np.ndarray:
-        """(N,) int."""
-        return np.repeat(np.arange(len(self.names)), np.diff(self.offsets))
-
-    def each(self) -> Iterator[tuple[int, slice]]:
-        """Every interface's number, and its nodes."""
-        return enumerate(slice(int(a), int(b)) for a, b in zip(self.offsets[:-1], self.offsets[1:]))
-
-    @property
-    def counts_of_each(self) -> np.ndarray:
-        """(I, 2) int, nodes and triangles."""
-        return np.column_stack([np.diff(self.offsets),
-                                np.bincount(self.owner, minlength=len(self.names))])
-
-
-@dataclass(frozen=True)
-class InterfaceFields(OpenSurfaces):
-    """Fields of these interfaces."""
 
     gap: np.ndarray  # (T, N) length, distance of the sides along the normal
     # (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded
@@ -109,10 +89,22 @@ class InterfaceFields(OpenSurfaces):
     # (I,) int, ascending, which of the scene's that are not perfect these are
     index: np.ndarray | None = None
 
+    @property
+    def interface_of_node(self) -> np.ndarray:
+        """(N,) int."""
+        return np.repeat(np.arange(len(self.names)), np.diff(self.offsets))
+
+    def each(self) -> Iterator[tuple[int, slice]]:
+        """Every interface's number, and its nodes."""
+        return enumerate(slice(int(a), int(b)) for a, b in zip(self.offsets[:-1], self.offsets[1:]))
+
     def some(self, chosen: np.ndarray) -> InterfaceFields:
         """Some of the interfaces (K,) int, in this order."""
-        counts = self.counts_of_each
-        rows = rows_of(counts, chosen)
+        counts = np.column_stack([np.diff(self.offsets),
+                                  np.bincount(self.owner, minlength=len(self.names))])
+        starts = np.cumsum(counts, axis=0) - counts
+        rows = {"interface": chosen} | {what: runs(starts[chosen, k], counts[chosen, k])
+                                        for k, what in enumerate(("node", "triangle"))}
         taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items()
                  if (x := getattr(self, name)) is not None}
         offsets, faces = bounds_of(counts[chosen, 0]), counts[chosen, 1]
@@ -140,15 +132,6 @@ class InterfaceFields(OpenSurfaces):
         found = {name: [0] * self.steps for name in COUNTED}
         return found | {str(name): ((self.status == kind) & (self.areas > 0)).sum(axis=1).tolist()
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
-
-
-def rows_of(counts: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
-    """Rows of some interfaces (K,) int in arrays along interfaces, nodes and triangles, as in
-    ``ALONG``; ``counts``: as ``counts_of_each``.
-    """
-    starts = np.cumsum(counts, axis=0) - counts
-    return {"interface": chosen} | {what: runs(starts[chosen, k], counts[chosen, k])
-                                    for k, what in enumerate(("node", "triangle"))}
 
 
 def own_interfaces(d: Decomposition) -> list[Interface]:
@@ -185,7 +168,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more))
                                             for more in ((), (3,), (), (3,), ()))
     # along the normal and across it
-    shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))
+    shifts = np.zeros((0 if shift is None else 2, steps, offsets[-1]))
     own = {name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
            for name in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
@@ -206,7 +189,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         traction[t], pressure[t], gap[t] = shear / size[:,
                                                         None], -push / (at.length * size), apart[
                                                             t] + at.length * opening
-        if shifts is not None:
+        if len(shifts):
             moved = np.zeros_like(jump)
             moved[:, to] = shift[t].transpose(0, 2, 1)[:, taken]
             along, across = _parted(moved, acting)
@@ -214,8 +197,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
             if i.mortar is not None:
-                spread = status, gap, slip, pressure, traction, *own.values(), *(
-                    () if shifts is None else shifts)
+                spread = status, gap, slip, pressure, traction, *own.values(), *shifts
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
     distance = _at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen], shown)
     pairs_of = [_nodes(scene, i) for i in chosen]
@@ -232,7 +214,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))),
         resultant, every, own,
-        *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
+        *(shifts if len(shifts) else (None, None)), scene.mesh.nodes[np.stack([nodes, others])],
         np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
 
 

@@ -27,7 +27,7 @@ from orchestrator.method.delivery.recovery import answered, on_boundary, Parts
 from orchestrator.method.interface.rows import ColumnSegments, dots, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bound import ROUNDING
-from orchestrator.method.stopping.certificate import Certificate, Pair
+from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.dual_energy import LEFT, Enough, dual_energy
 from orchestrator.method.stopping.error_estimate import Judged, relative
 from orchestrator.scene.conditions.rigid import motions_about, size_of
@@ -39,8 +39,6 @@ HELD = 1e-10  # singular value of held rigid motions, over the largest, that cou
 class Lawful:
     """Forces and fields in balance with them, of this rank, T load steps.
 
-    pair : v and λ̂
-    delta : (T, B) v − u − R y on the boundary dofs
     change : (T, B) h, what λ̂ loads the bodies with beyond the linear stage's forces
     x : (T, B) S⁺h, nearly
     parts : û, per subdomain of the scene (T, n_E, 3); None for other ranks'
@@ -48,8 +46,6 @@ class Lawful:
     taken : per own subdomain (T, n_E, 3) what supports take of ε, None where there are none
     """
 
-    pair: Pair
-    delta: np.ndarray
     change: np.ndarray
     x: np.ndarray
     parts: Parts
@@ -75,7 +71,7 @@ class Lawful:
         for s, more in zip(d.own, beyond):
             own[s.index] = parts[s.index] + more.reshape(parts[s.index].shape)
         f = d.certificate.pairs.transfer.opposed(bound.pair.forces)[:, : d.space.size]
-        return cls(bound.pair, bound.correction, h, x, own, f, _taken(d, rest))
+        return cls(h, x, own, f, _taken(d, rest))
 
 
 def _answered(certificate: Certificate, bound: Judged, h: np.ndarray) -> np.ndarray | None:
@@ -127,19 +123,18 @@ class Shares:
     own: dict[str, float]
 
 
-def shares(d: Decomposition, lawful: Lawful, energy: np.ndarray) -> Shares:
+def shares(d: Decomposition, bound: Judged, lawful: Lawful, energy: np.ndarray) -> Shares:
     """Return the shares of a run whose energy error is known.
 
     energy : (T, subdomains) ‖u‖²_K of all ranks, of those whose matter is the scene's
     """
-    space, pairs, delta = d.space, d.certificate.pairs, lawful.delta
+    space, pairs, pair, delta = d.space, d.certificate.pairs, bound.pair, bound.correction
     of, change, interfaces = ColumnSegments(space.boundary), lawful.change, d.scene.interfaces
     each, gaps = (np.zeros((d.steps, len(x))) for x in (d.scene.subdomains, interfaces))
     strain = times(d.certificate.stiffness, delta)
     found = of.sums(delta * (strain - 2 * change) + change * lawful.x)
     each[:, np.asarray(space.subdomains)[of.subdomains]] = np.maximum(found, 0.0)
     for t, number in enumerate(pairs.numbers):
-        pair = lawful.pair
         gap = pairs.duality_gap(pair.forces[t], pair.jump[t], pair.before[t], number)
         for i, at in pairs.each():
             gaps[t, i.index] += 2 * gap[at].sum()
