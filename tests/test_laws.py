@@ -10,7 +10,7 @@ from method_case import config, solved
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Law, Stages, Written
-from orchestrator.laws.contact import Contact, NONE, OPEN, SLIP, STICK
+from orchestrator.laws.contact import Contact, OPEN, SLIP, STICK
 from orchestrator.laws.contact_loops import forces, slopes
 from orchestrator.laws.elastic import Elastic, SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import BONDED, Hold, Points, Status, table
@@ -33,7 +33,7 @@ def points_of(law: Law, random) -> Points:
                   law.parameters(np.arange(COUNT), length, area))
 
 
-def assert_consistent(name: str, keys: dict, lagged: bool = False) -> None:
+def assert_consistent(name: str, keys: dict) -> None:
     """The derivative is that of the force by central differences, statuses are declared.
 
     Pairs that change their status within a difference are left out, few as they are.
@@ -41,8 +41,6 @@ def assert_consistent(name: str, keys: dict, lagged: bool = False) -> None:
     law = LAWS[name].of(LAWS[name].Parameters(law=name, **keys), COUNT, 1.0)
     random = np.random.default_rng(4)
     points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
-    if lagged:
-        points = points.lagged(law.force(points, random.normal(size=(3, COUNT)), previous).force)
     answer = law.force(points, F, previous, derivative=True)
     found = np.zeros((3, 3, COUNT))
     found[..., answer.active] = answer.derivative
@@ -293,7 +291,7 @@ def test_contact_answers_in_parts_what_it_answers_at_once():
     random = np.random.default_rng(7)
     points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
     whole = law.force(points, F, previous, derivative=True)
-    given = (*points.search, points["gap"], points["friction"], NONE), F, previous
+    given = (*points.search, points["gap"], points["friction"]), F, previous
     force, status, slope = np.full(F.shape, 9.0), np.full(COUNT, 9), np.full(whole.derivative.shape, 9.0)
     forces(50, 120, *given, force, status)
     slopes(10, 20, *given, whole.active, slope)
@@ -305,18 +303,6 @@ def test_contact_answers_in_parts_what_it_answers_at_once():
 @pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)
 def test_force_derivative_and_statuses_belong_together(name, keys):
     assert_consistent(name, keys)
-
-
-def test_friction_whose_limit_lags_is_tresca():
-    """It answers the same where it lags behind its own answer, and its slopes are symmetric and definite."""
-    assert_consistent("contact", {"friction": 0.4}, lagged=True)
-    law, points, answer, d, previous = answered("contact", friction=0.4)
-    F = answer.force + points.stiffness(d)
-    again = law.force(points.lagged(answer.force), F, previous, True)
-    np.testing.assert_allclose(again.force, answer.force, atol=1e-12)
-    slope = again.derivative.transpose(2, 0, 1)
-    np.testing.assert_allclose(slope, slope.transpose(0, 2, 1), atol=1e-12)
-    assert np.linalg.eigvalsh(slope).min() > -1e-12 and np.linalg.eigvalsh(slope).max() < 1 + 1e-12
 
 
 def test_a_law_that_tells_nothing_is_on_the_safe_side():

@@ -114,7 +114,7 @@ class Facts:
         face, however bent; infinite where sides touch without any, and a pressure acts on what is
         seen along the normal
     slips : what it holds across the normal slips as Coulomb's law has it, with a parameter
-        ``friction``; with ``most`` where that is given, see ``Points.lagged``
+        ``friction``
     distance : (n,) or one for all: how far the sides are apart before loading; negative where
         pressed into each other
     given_jump : (3,) the jump that it prescribes at every node, whatever the force; None where it

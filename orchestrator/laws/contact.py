@@ -27,7 +27,6 @@ from orchestrator.laws.contact_loops import forces, OPENS, slopes, SLIPS, STICKS
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
-NONE = np.empty(0)
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
 
 OPEN = Status(OPENS, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
@@ -148,8 +147,7 @@ class Contact(Law):
         sticks.
         """
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
-        most = points.own.get("most", NONE)
-        given = (*points.search, points["gap"], points["friction"], most), F, previous
+        given = (*points.search, points["gap"], points["friction"]), F, previous
         force, status = np.empty(F.shape), np.empty(len(points), int)
         in_parts(forces, len(points), *given, force, status, part=WORTH)
         if not derivative:

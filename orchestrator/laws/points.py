@@ -129,13 +129,6 @@ class Points:
                         force - self.scaled(normal, across, jump))
         return norm(force) / self.area, norm(e) / self.area
 
-    def lagged(self, force: np.ndarray) -> Points:
-        """Return the points of a law that slips with friction of at most what μ allows under forces
-        (3, P): Tresca's law, which is convex.
-        """
-        push = np.maximum(-self.along(force), 0.0)
-        return replace(self, own=self.own | {"most": self["friction"] * push})
-
     def _at(self, step: float) -> dict[str, np.ndarray]:
         """Parameters between two load steps in proportion; before the first one, and where what is
         no number changes, as of a bolt

@@ -190,12 +190,6 @@ class LawPoints(Answering):
     def __len__(self) -> int:
         return self.free.shape[1]
 
-    def lagged(self, force: np.ndarray) -> LawPoints:
-        """Return the points with convex laws, see ``Points.lagged``; force (3, P)."""
-        runs = [replace(run, points=run.points.lagged(force[:, run.part]))
-                if run.law.slips else run for run in self.runs]
-        return replace(self, runs=runs)
-
     @classmethod
     def joined(cls, parts: Sequence[LawPoints]) -> LawPoints:
         """Return the points of all parts, one after the other."""

@@ -1,5 +1,5 @@
-"""Groups of a few points in contact, compiled: Newton's method and renewed limits of friction, as
-``node_newton`` has them, and what the coarse problem's fields change.
+"""Groups of a few points in contact, compiled: Newton's method and steps along what is left,
+as ``node_newton`` has them, and what the coarse problem's fields change.
 
 A group is worked on to its end before the next one, by dense matrices: r = q − law(q + keq (b − S
 q)) has three numbers a point. To be imported where it is used: it takes the compiler along.
@@ -19,7 +19,7 @@ forces, slopes = fast(contact_loops.forces.function), fast(contact_loops.slopes.
 
 
 @fast
-def left(a, b, felt, given, most, q, F, force, status, r):
+def left(a, b, felt, given, q, F, force, status, r):
     """Write F, f̂ and r (3, R) of the points from a to b; ‖r‖."""
     points, start, past, rest, springs, free = given
     m, square = b - a, 0.0
@@ -30,8 +30,7 @@ def left(a, b, felt, given, most, q, F, force, status, r):
                 for k in range(m):
                     total += row[d * m + k] * q[d, a + k]
             F[c, a + j] = total
-    forces(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, force,
-           status)
+    forces(a, b, points, F, past, force, status)
     for c in range(3):
         for p in range(a, b):
             if free[c, p]:
@@ -44,11 +43,10 @@ def left(a, b, felt, given, most, q, F, force, status, r):
 
 
 @fast
-def slopes_of(a, b, given, most, F, status, slope, everyone):
+def slopes_of(a, b, given, F, status, slope, everyone):
     """Write A (3, 3, R) of the points from a to b at F."""
     points, _, past, _, springs, free = given
-    slopes(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, everyone,
-           slope)
+    slopes(a, b, points, F, past, everyone, slope)
     for p in range(a, b):
         for c in range(3):
             for d in range(3):
@@ -103,7 +101,7 @@ def jacobian(a, b, felt, slope, shift, J):
 
 
 @fast
-def newton(a, b, felt, given, most, enough, rounds, effort, q, room):
+def newton(a, b, felt, given, enough, rounds, effort, q, room):
     """Improve q (3, R) at the points from a to b, in so many rounds; ‖r‖ there, with F, f̂ and r
     in the room.
     """
@@ -115,12 +113,12 @@ def newton(a, b, felt, given, most, enough, rounds, effort, q, room):
         for p in range(a, b):
             best[c, p] = q[c, p]
     while True:
-        found = left(a, b, felt, given, most, q, F, force, status, r)
+        found = left(a, b, felt, given, q, F, force, status, r)
         saved = found < (1.0 - less * lengths[number]) * size
         if saved:
             size, failures = found, 0
             if rounds > 0:
-                slopes_of(a, b, given, most, F, status, slope, everyone)
+                slopes_of(a, b, given, F, status, slope, everyone)
             for c in range(3):
                 for p in range(a, b):
                     best[c, p], here[c, p] = q[c, p], r[c, p]
@@ -146,6 +144,28 @@ def newton(a, b, felt, given, most, enough, rounds, effort, q, room):
     return size
 
 
+@fast
+def ahead(a, b, felt, given, strides, same, q, room):
+    """Move q (3, R) at the points from a to b along what is left of the laws, twice as far in each
+    step as long as that stays as it is; whether it does to the end.
+    """
+    F, force, status, r, last = room[:5]
+    stride, before, steady = 1.0, np.inf, True
+    for i in range(strides):
+        size, common = left(a, b, felt, given, q, F, force, status, r), 0.0
+        for c in range(3):
+            for p in range(a, b):
+                common += r[c, p] * last[c, p]
+        stays = i > 0 and common > same * size * before
+        stride, before = 2.0 * stride if stays else 1.0, size
+        steady = steady and (stays or i == 0)
+        for c in range(3):
+            for p in range(a, b):
+                last[c, p] = r[c, p]
+                q[c, p] -= stride * r[c, p]
+    return steady
+
+
 @compiled
 def answered(start, stop, groups, given, enough, effort, tries, q, size):
     """Improve q (3, R), and write ‖r‖ (n,), of the groups from start to stop.
@@ -157,54 +177,36 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
         springs carry nothing, ε, and which components are free
     enough : (n,) what may be left of ‖r‖
     effort : shifts, lengths and what a step has to save
-    tries : Newton steps, renewed limits of friction, and of these how many in a row that save
-        nothing
+    tries : Newton steps, how often they begin anew, steps along what is left in between, and the
+        cosine of what stays as it is
     """
     bounds, places, matrices = groups
-    (rounds, repeats, patience), count, most = tries, q.shape[1], 0
+    (rounds, repeats, strides, same), count, most = tries, q.shape[1], 0
     for g in range(start, stop):
         most = max(most, bounds[g + 1] - bounds[g])
-    F, force, r, here, step, best, kept = (np.empty((3, count)), np.empty((3, count)),
-                                           np.empty((3, count)),
-                                           np.empty((3, count)), np.empty((3, count)),
-                                           np.empty((3, count)),
-                                           np.empty((3, count)))
+    F, force, r, here, step, best, moved = (np.empty((3, count)), np.empty((3, count)),
+                                            np.empty((3, count)), np.empty((3, count)),
+                                            np.empty((3, count)), np.empty((3, count)),
+                                            np.empty((3, count)))
     room = (F, force, np.empty(count, np.int64), r, here, np.empty((3, 3, count)), np.arange(count),
-            step, best,
-            np.empty((3 * most, 3 * most + 1)))
-    limits, normal, friction = np.empty(count), given[0][0], given[0][4]
+            step, best, np.empty((3 * most, 3 * most + 1)))
     for g in range(start, stop):
         a, b = bounds[g], bounds[g + 1]
-        n, least, waited, goal = 3 * (b - a), np.inf, 0, enough[g]
+        n = 3 * (b - a)
         felt = matrices[places[g] : places[g] + n * n].reshape(n, n)
-        # Newton's method, with limits of friction but at first, and in turns what is left
-        for k in range(2 * repeats + 2):
-            even = k % 2 == 0
-            lagged = even and k > 0
-            found = newton(a, b, felt, given, limits if lagged else limits[:0],
-                           0.1 * goal if lagged else goal,
-                           rounds if even else 0, effort, q, room)
-            if not lagged:
-                waited = 0 if found < least else waited + 1
-                if found < least:
-                    least = found
-                    for c in range(3):
-                        for p in range(a, b):
-                            kept[c, p] = q[c, p]
-                if least <= goal or waited >= patience + 1:
-                    break
-            if not even:
-                for p in range(a, b):
-                    push = force[0, p] * normal[0,
-                                                p] + force[1,
-                                                           p] * normal[1, p] + force[2,
-                                                                                     p] * normal[2,
-                                                                                                 p]
-                    limits[p] = friction[p] * max(-push, 0.0)
-        size[g] = least
-        for c in range(3):
-            for p in range(a, b):
-                q[c, p] = kept[c, p]
+        size[g] = newton(a, b, felt, given, enough[g], rounds, effort, q, room)
+        if size[g] <= enough[g]:
+            continue
+        moved[:, a:b] = q[:, a:b]
+        for _ in range(repeats):
+            steady = ahead(a, b, felt, given, strides, same, moved, room)
+            kept = moved[:, a:b].copy()
+            found = newton(a, b, felt, given, enough[g], rounds, effort, moved, room)
+            if found < size[g]:
+                size[g], q[:, a:b] = found, moved[:, a:b]
+            if steady or found <= enough[g]:
+                break
+            moved[:, a:b] = kept
 
 
 @compiled

@@ -2,17 +2,17 @@
 
     r(q) = q − law(q + keq (b − S q)) = 0,    J = 1 − (1 − δ) A (1 − keq S),    A = ∂law/∂F
 
-Where friction folds the branch away that the forces came from, no step lowers ‖r‖. There the limits
-of friction are those of the last answer, which makes the laws convex, and are renewed until they
-stay (Haslinger, Math. Methods Appl. Sci. 5, 1983). They never stay where bodies around a node are
-wedged: all stick, and the jumps at which they do so do not add up to nothing. Then no forces obey
+Where friction folds the branch away that the forces came from, no step lowers ‖r‖: r stays as it is
+wherever forces go along it. There they go along it, twice as far each time, until it changes, and
+Newton's method begins anew. A residual that never changes belongs to bodies that are wedged around
+a node: all stick, and the jumps at which they do so do not add up to nothing. Then no forces obey
 the laws, and those that are nearest are taken.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,7 +28,8 @@ LESS = 0.05  # of what is left, times the length: what a step has to save
 # Shifts δ, tried in turn where a step saves nothing: with friction J may be singular on the way.
 SHIFTS = np.array([1e-6, 1e-3, 3e-2, 3e-1])
 ROUNDS = 12  # steps
-REPEATS, PATIENCE = 60, 6  # of renewed limits of friction; of these, in a row, that save nothing
+# Steps along r between two of Newton's, how often, and the cosine of two r that are the same.
+STRIDES, REPEATS, SAME = 80, 60, 0.9
 
 
 @dataclass(frozen=True)
@@ -62,22 +63,9 @@ class Question:
                             self.anchor[:, at],
                             self.number, self.start[:, at], self.enough[wanted])
 
-    @property
-    def slips(self) -> np.ndarray:
-        """(n,) bool, groups with limits of friction, which can be renewed."""
-        result = np.zeros((1, len(self.group)))
-        for run in self.laws.runs:
-            result[:, run.part] = run.law.slips
-        return self.size(result) > 0
-
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """Return (3, R) F = q + keq (b − S q)."""
         return self.start + (self.felt @ q.ravel()).reshape(q.shape)
-
-    def answer(self, F: np.ndarray) -> np.ndarray:
-        """Return (3, R) what the laws answer, with springs of stabilisation."""
-        answer = self.laws.force(F, self.before, self.number)
-        return self.laws.settled(answer.force, F, self.anchor)[0]
 
     def left(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return r (3, R), A (3, 3, R) and ‖r‖ (n,)."""
@@ -106,17 +94,29 @@ def solved(question: Question, q: np.ndarray,
     """
     q, size = q.copy(), np.empty(len(question.enough))
     if len(contact.order):
-        effort = SHIFTS, np.array(LENGTHS), LESS
-        q[:, contact.order], size[contact.quick] = contact.answered(
-            question, q, effort, (ROUNDS, REPEATS, PATIENCE))
+        effort, tries = (SHIFTS, np.array(LENGTHS), LESS), (ROUNDS, REPEATS, STRIDES, SAME)
+        q[:, contact.order], size[contact.quick] = contact.answered(question, q, effort, tries)
     others = ~contact.quick
     if others.any():
         at, few = question.some(others)
-        q[:, at], size[others] = _newton(few, q[:, at])
-        open_ = others & (size > question.enough) & question.slips
-        if open_.any():
-            at, few = question.some(open_)
-            q[:, at], size[open_] = _renewed(few, q[:, at])
+        q[:, at], size[others] = _others(few, q[:, at])
+    return q, size
+
+
+def _others(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of groups that no loop answers."""
+    q, size = _newton(question, q)
+    moved, steady = q.copy(), np.zeros(len(size), bool)
+    for _ in range(REPEATS):
+        open_ = (size > question.enough) & ~steady
+        if not open_.any():
+            break
+        at, few = question.some(open_)
+        moved[:, at], steady[open_] = _ahead(few, moved[:, at])
+        found, left = _newton(few, moved[:, at])
+        better = (left < size[open_])[few.group]
+        q[:, at[better]] = found[:, better]
+        size[open_] = np.minimum(left, size[open_])
     return q, size
 
 
@@ -147,22 +147,18 @@ def _newton(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q, size
 
 
-def _renewed(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and what is left, by limits of friction that are those of the answer before."""
-    best, force = q.copy(), question.answer(question.predicted(q))
-    least = question.size(q - force)
-    waited = np.zeros(len(least), int)
-    for _ in range(REPEATS):
-        open_ = (least > question.enough) & (waited < PATIENCE)
-        if not open_.any():
-            break
-        at, few = question.some(open_)
-        convex = replace(few, laws=few.laws.lagged(force[:, at]), enough=0.1 * few.enough)
-        q[:, at], _ = _newton(convex, q[:, at])
-        force[:, at] = few.answer(few.predicted(q[:, at]))
-        size = question.size(q - force)
-        better = size < least
-        waited = np.where(better, 0, waited + open_)
-        best[:, better[question.group]] = q[:, better[question.group]]
-        least[better] = size[better]
-    return best, least
+def _ahead(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return forces (3, R) moved along what is left, twice as far in each step as long as that
+    stays as it is, and where it does to the end (n,) bool.
+    """
+    count = len(question.enough)
+    stride, steady = np.ones(count), np.ones(count, bool)
+    before, last = np.zeros_like(q), np.zeros(count)
+    for number in range(STRIDES):
+        r, _, size = question.left(q)
+        common = np.bincount(question.group, (r * before).sum(axis=0), count)
+        stays = (common > SAME * size * last) & (number > 0)
+        stride = np.where(stays, 2 * stride, 1.0)
+        steady &= stays | (number == 0)
+        q, before, last = q - stride[question.group] * r, r, size
+    return q, steady
