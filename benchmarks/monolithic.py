@@ -299,7 +299,7 @@ class Monolithic:
             presses = normal.any(axis=1)
             found["free"].append(free)
             found["normal"].append(normal)
-            found["gap"].append(getattr(i.law, "gap", np.zeros(n)) / length)
+            found["gap"].append(i.law.distance * np.ones(n) / length)
             found["friction"].append(getattr(i.law, "friction", 0.0) / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
             found["jump"].append(np.broadcast_to(getattr(i.law, "jump", np.zeros(3)), (n, 3)) * free)
@@ -315,7 +315,7 @@ class Monolithic:
     def _at_steps(self, i: Any, points, length, free: np.ndarray, gaps: list, jumps: list) -> None:
         """Gap and jump of an interface's pairs at every load step."""
         n, laws = len(i.global_nodes), i.law_at_steps or [i.law] * self.scene.steps
-        gaps.append([getattr(law, "gap", np.zeros(n))[points] / length for law in laws])
+        gaps.append([(law.distance * np.ones(n))[points] / length for law in laws])
         jumps.append([np.broadcast_to(getattr(law, "jump", np.zeros(3)), (n, 3))[points] * free for law in laws])
 
     def _operators(self, i: Any, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
