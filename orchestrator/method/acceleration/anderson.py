@@ -9,6 +9,10 @@ Each load step has a γ of its own, of least residual in it and in those before,
 has. A body that snaps in one load step has the largest residual by far: with one γ for all of them
 those before would wait for it.
 
+What no combination takes away of a residual moves the state by β of it. Where that stays as it is
+from one evaluation to the next, a body creeps to a place, or friction has folded away the branch
+that the state comes from: there each step is twice as long as the one before, until it changes.
+
 The window is dropped when the residual has grown far beyond the best one: the statuses that it
 speaks of are gone.
 
@@ -34,6 +38,8 @@ FORGET = 2.0  # times the best residual
 # dropped at every other step (54 iterations in place of 20). From 5 to 100 it makes no difference.
 FORGET_FLOWING = 10.0
 MEMORY, RELAXATION = 30, 0.8  # of auto
+# What is left stays as it is: cosine with the one before, length over that of it, and over ‖r‖.
+SAME, LASTS, MOST_OF = 0.95, 0.8, 0.5
 
 
 class Anderson(Acceleration):
@@ -55,6 +61,8 @@ class Anderson(Acceleration):
         self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
         self.kept, self.smallest = 0, np.inf  # differences in the window, least ‖r‖
+        # what no combination takes away of r, weighted (T, D), and steps along it over β (T,)
+        self.left, self.stride = np.zeros((1, 1)), np.ones(1)
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -95,7 +103,24 @@ class Anderson(Acceleration):
             self.smallest = size
         self.smallest = min(self.smallest, size)
         self.latest = s, residual
+        self._combine(weighted, square)
         return residual
+
+    def _combine(self, weighted: np.ndarray, square: np.ndarray) -> None:
+        """Choose γ, and how far to go along what it leaves; of root r (T, D) and ‖r‖² (T,)."""
+        gram, right = self.gram.cumsum(axis=0), self.right.cumsum(axis=0)
+        size = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
+        size[size == 0] = 1.0
+        scaled = gram / (size[:, :, None] * size[:, None, :])
+        scaled += REGULARISATION * np.eye(self.memory)
+        self.gamma = np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size
+        left = weighted - (self.gamma[:, None, :] @ self.differences)[:, 0]
+        now, before, common = self.team.sum(dots(left, left), dots(self.left, self.left),
+                                            dots(left, self.left))
+        stays = (common > SAME * np.sqrt(now * before)) & (now > LASTS**2 * before) \
+            & (now > MOST_OF**2 * square)
+        self.stride = np.where(stays, 2 * self.stride, 1.0)
+        self.left = left
 
     def _begin(self, steps: int, columns: int) -> None:
         """Begin with an empty window; the system gives memory to what is written."""
@@ -105,6 +130,7 @@ class Anderson(Acceleration):
         self.right = np.zeros((steps, self.memory))
         # (T, m, D) Δs + β Δr, and root Δr
         self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
+        self.left, self.stride = np.zeros((steps, columns)), np.ones(steps)
 
     def _remember(self, s: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Keep the latest differences; return root Δr (T, D)."""
@@ -117,10 +143,6 @@ class Anderson(Acceleration):
 
     def next(self) -> np.ndarray:
         s, residual = self.latest
-        gram, right = self.gram.cumsum(axis=0), self.right.cumsum(axis=0)
-        size = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
-        size[size == 0] = 1.0
-        scaled = gram / (size[:, :, None] * size[:, None, :])
-        scaled += REGULARISATION * np.eye(self.memory)
-        gamma = np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size
-        return s + self.relaxation * residual - (gamma[:, None, :] @ self.changes)[:, 0]
+        further = self.relaxation * (self.stride - 1)[:, None] * self.left / self.root
+        return (s + self.relaxation * residual + further
+                - (self.gamma[:, None, :] @ self.changes)[:, 0])
