@@ -91,10 +91,13 @@ def test_what_happens_in_a_load_step_is_nothing_to_those_before():
 
 
 def test_anderson_divides_by_no_difference_that_is_none():
+    """And goes twice as far in each step along a residual that stays as it is, until it changes."""
     anderson, s = Anderson(np.ones(3), 4, 0.5), np.ones((1, 3))
-    for _ in range(3):
+    for length in (1, 2, 4):
         anderson.take(state(s), 3 * s)
-        assert anderson.next() == pytest.approx(2 * s, abs=1e-9)
+        assert anderson.next() == pytest.approx((1 + length) * s, abs=1e-9)
+    anderson.take(state(s), 3 * s * [1, -1, 1])
+    assert anderson.stride == 1
 
 
 @pytest.mark.parametrize("memory", [None, 40])

@@ -61,8 +61,9 @@ class Anderson(Acceleration):
         self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
         self.kept, self.smallest = 0, np.inf  # differences in the window, least ‖r‖
-        # what no combination takes away of r, weighted (T, D), and steps along it over β (T,)
-        self.left, self.stride = np.zeros((1, 1)), np.ones(1)
+        # what no combination takes away of r, weighted (T, D), steps along it over β (T,), and the
+        # longest of these: a quarter of one after which the window was dropped
+        self.left, self.stride, self.most = np.zeros((1, 1)), np.ones(1), np.full(1, np.inf)
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -99,6 +100,7 @@ class Anderson(Acceleration):
             self.kept = min(self.kept + 1, self.memory)
         size = np.sqrt(square.sum())
         if size > self.forget * self.smallest:
+            self.most = np.where(self.stride > 1, self.stride / 4, self.most)
             self._begin(*s.shape)
             self.smallest = size
         self.smallest = min(self.smallest, size)
@@ -119,7 +121,7 @@ class Anderson(Acceleration):
                                             dots(left, self.left))
         stays = (common > SAME * np.sqrt(now * before)) & (now > LASTS**2 * before) \
             & (now > MOST_OF**2 * square)
-        self.stride = np.where(stays, 2 * self.stride, 1.0)
+        self.stride = np.where(stays, np.maximum(np.minimum(2 * self.stride, self.most), 1.0), 1.0)
         self.left = left
 
     def _begin(self, steps: int, columns: int) -> None:

@@ -14,8 +14,8 @@ and y makes the forces agree with the laws on these fields, load step after load
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
 A few linearised steps (``linear_step``) do in nearly all iterations. The nonlinear problem is
-solved (``problem``) in the first one, where steps do not bring ρ to a tenth, and where a loose
-body travels. U is made orthonormal in k. It costs no back-substitution per iteration.
+solved (``problem``) in the first one, and where steps do not bring ρ to a tenth. U is made
+orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
@@ -52,11 +52,6 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
-# A loose body is on its way to a place that linear steps do not find where it goes so many times
-# as far as all others, and so
-# far over the largest displacement, or has done so for so many iterations without going half as
-# far.
-TRAVELS, FAR, PATIENCE = 10.0, 1e-2, 5
 
 
 class CoarseCorrection:
@@ -93,7 +88,6 @@ class CoarseCorrection:
             max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose, self.begun, self._steps = loose_bodies(scene), False, None
-        self.since: dict[int, tuple[int, float]] = {}
 
     @property
     def sweeps(self) -> int:
@@ -121,7 +115,7 @@ class CoarseCorrection:
         steps = self.pairs.at_steps_of(local.pairs)
         # perfect ones come last
         self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))
-        self.local, self.begun, self.since = local, False, {}
+        self.local, self.begun = local, False
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
@@ -191,7 +185,6 @@ class CoarseCorrection:
         before, local, y = self.predict.before, self.local, np.zeros(resultant.shape)
         nodes, _ = local.meeting(*fields.extended,
                                  at.jump[:, :, : len(local.pairs)] if self.anew else None)
-        travels, most = False, self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0]
         for t, number in enumerate(self.predict.pairs.numbers):
             anchor = at.jump[t] if self.anew else before.jump
             step = NodeStep(self.steps, t, number, F0[t], resultant[t], before, anchor, nodes)
@@ -201,24 +194,9 @@ class CoarseCorrection:
             self.problem.newton_steps += taken
             self.problem.ended(t, "tolerance", np.linalg.norm(step.rho), step.start)
             y[t], before = step.y, step.after
-            travels |= self._travels(t, step.y, most)
             if nodes is not None:
                 nodes.before = nodes.after
-        return None if travels else y
-
-    def _travels(self, t: int, y: np.ndarray, most: float) -> bool:
-        """Whether a loose body goes on in fields y (bodies, n) while all others come to rest.
-
-        most : largest displacement there is
-        """
-        far = self.problem.farthest * np.linalg.norm(y, axis=1)
-        moved, others = (far[which].max(initial=0.0) for which in (self.loose, ~self.loose))
-        waited, before = self.since.get(t, (0, np.inf))
-        if moved <= 0.5 * before:
-            waited, before = 0, moved
-        travels = moved > TRAVELS * others and (waited >= PATIENCE or moved > FAR * most)
-        self.since[t] = (0, moved) if travels else (waited + 1, before)
-        return bool(travels)
+        return y
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:
@@ -232,13 +210,12 @@ class CoarseCorrection:
 
     def state(self) -> dict[str, object]:
         """Return what a resumed run has to know."""
-        return {"radius": self.radius, "begun": self.begun, "since": dict(self.since),
-                **self.problem.state()}
+        return {"radius": self.radius, "begun": self.begun, **self.problem.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
         self.problem.restore(state)
-        self.radius, self.begun, self.since = state["radius"], state["begun"], dict(state["since"])
+        self.radius, self.begun = state["radius"], state["begun"]
 
     def _fields(self, scene: Scene, allowed: np.ndarray,
                 modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
