@@ -61,9 +61,9 @@ class Anderson(Acceleration):
         self.place = 0  # where the next difference goes; the oldest is overwritten
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
         self.kept, self.smallest = 0, np.inf  # differences in the window, least ‖r‖
-        # what no combination takes away of r, weighted (T, D), steps along it over β (T,), and the
-        # longest of these: a quarter of one after which the window was dropped
-        self.left, self.stride, self.most = np.zeros((1, 1)), np.ones(1), np.full(1, np.inf)
+        # (T,) or one for all, longest steps along what is left, over β: a quarter of those after
+        # which the window was dropped
+        self.most: np.ndarray | float = np.inf
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -132,6 +132,7 @@ class Anderson(Acceleration):
         self.right = np.zeros((steps, self.memory))
         # (T, m, D) Δs + β Δr, and root Δr
         self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
+        # what no combination takes away of r, weighted, and steps along it over β (T,)
         self.left, self.stride = np.zeros((steps, columns)), np.ones(steps)
 
     def _remember(self, s: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -150,20 +150,19 @@ def ahead(a, b, felt, given, strides, same, q, room):
     step as long as that stays as it is; whether it does to the end.
     """
     F, force, status, r, last = room[:5]
-    stride, before, steady = 1.0, np.inf, True
-    for i in range(strides):
+    stride, before = 1.0, np.inf
+    last[:, a:b] = 0.0
+    for _ in range(strides):
         size, common = left(a, b, felt, given, q, F, force, status, r), 0.0
         for c in range(3):
             for p in range(a, b):
                 common += r[c, p] * last[c, p]
-        stays = i > 0 and common > same * size * before
-        stride, before = 2.0 * stride if stays else 1.0, size
-        steady = steady and (stays or i == 0)
+        stride, before = 2.0 * stride if common > same * size * before else 1.0, size
         for c in range(3):
             for p in range(a, b):
                 last[c, p] = r[c, p]
                 q[c, p] -= stride * r[c, p]
-    return steady
+    return stride == 2.0 ** (strides - 1)
 
 
 @compiled

@@ -152,13 +152,10 @@ def _ahead(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     stays as it is, and where it does to the end (n,) bool.
     """
     count = len(question.enough)
-    stride, steady = np.ones(count), np.ones(count, bool)
-    before, last = np.zeros_like(q), np.zeros(count)
-    for number in range(STRIDES):
+    stride, before, last = np.ones(count), np.zeros_like(q), np.full(count, np.inf)
+    for _ in range(STRIDES):
         r, _, size = question.left(q)
         common = np.bincount(question.group, (r * before).sum(axis=0), count)
-        stays = (common > SAME * size * last) & (number > 0)
-        stride = np.where(stays, 2 * stride, 1.0)
-        steady &= stays | (number == 0)
+        stride = np.where(common > SAME * size * last, 2 * stride, 1.0)
         q, before, last = q - stride[question.group] * r, r, size
-    return q, steady
+    return q, stride == 2.0 ** (STRIDES - 1)
