@@ -300,9 +300,9 @@ class Monolithic:
             found["free"].append(free)
             found["normal"].append(normal)
             found["gap"].append(i.law.distance * np.ones(n) / length)
-            found["friction"].append(getattr(i.law, "friction", 0.0) / length)
+            found["friction"].append(_friction(i.law) / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
-            found["jump"].append(np.broadcast_to(getattr(i.law, "jump", np.zeros(3)), (n, 3)) * free)
+            found["jump"].append(_jumps(i.law, n) * free)
             _say_law(i, mobile, presses, length, _areas(scene.points(i), i.triangles[:, :3]), found)
             self._at_steps(i, slice(None), length, free, gaps, jumps)
             bounds.append(slice(count, count + n))
@@ -316,7 +316,7 @@ class Monolithic:
         """Gap and jump of an interface's pairs at every load step."""
         n, laws = len(i.global_nodes), i.law_at_steps or [i.law] * self.scene.steps
         gaps.append([(law.distance * np.ones(n))[points] / length for law in laws])
-        jumps.append([np.broadcast_to(getattr(law, "jump", np.zeros(3)), (n, 3))[points] * free for law in laws])
+        jumps.append([_jumps(law, n)[points] * free for law in laws])
 
     def _operators(self, i: Any, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
         """The same where nodes do not match: points in the place of pairs, d = G₂ u₂ − G₁ u₁."""
@@ -334,10 +334,9 @@ class Monolithic:
         found["free"].append(m.live)
         found["normal"].append(m.normal)
         found["gap"].append(law.distance[m.points] if contact else np.zeros(n))
-        found["friction"].append(np.full(n, getattr(law, "friction", 0.0)))
+        found["friction"].append(np.full(n, _friction(law)))
         found["stiffness"].append(np.minimum(*stiffness))
-        jump = np.broadcast_to(getattr(law, "jump", np.zeros(3)), (len(i.global_nodes), 3))
-        found["jump"].append(jump[m.points])
+        found["jump"].append(_jumps(law, len(i.global_nodes))[m.points])
         _say_law(i, np.ones(n, bool), np.ones(n, bool), np.ones(n), m.area, found)
 
     def _loads(self, t: int) -> np.ndarray:
@@ -345,6 +344,16 @@ class Monolithic:
 
     def _parts(self, u: np.ndarray) -> list[np.ndarray]:
         return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
+
+
+def _friction(law: Any) -> float:
+    """Coulomb's coefficient of a law."""
+    return law.friction if law.slips else 0.0
+
+
+def _jumps(law: Any, count: int) -> np.ndarray:
+    """(count, 3) the jump that a law gives, none where it is a matter of forces."""
+    return np.tile(np.zeros(3) if law.given_jump is None else law.given_jump, (count, 1))
 
 
 def _say_law(i: Any, mobile, presses, length, area, found: dict) -> None:
