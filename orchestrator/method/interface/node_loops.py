@@ -102,16 +102,12 @@ def jacobian(a, b, felt, slope, shift, J):
 
 @fast
 def newton(a, b, felt, given, enough, rounds, effort, q, room):
-    """Improve q (3, R) at the points from a to b, in so many rounds; ‖r‖ there, with F, f̂ and r
-    in the room.
-    """
+    """Improve q (3, R) at the points from a to b, in so many rounds; ‖r‖ there."""
     shifts, lengths, less = effort
     F, force, status, r, here, slope, everyone, step, best, J = room
     m = b - a
     n, size, number, failures = 3 * m, np.inf, 0, 0
-    for c in range(3):
-        for p in range(a, b):
-            best[c, p] = q[c, p]
+    best[:, a:b] = q[:, a:b]
     while True:
         found = left(a, b, felt, given, q, F, force, status, r)
         saved = found < (1.0 - less * lengths[number]) * size
@@ -138,9 +134,7 @@ def newton(a, b, felt, given, enough, rounds, effort, q, room):
         for c in range(3):
             for p in range(a, b):
                 q[c, p] = best[c, p] - lengths[number] * step[c, p]
-    for c in range(3):
-        for p in range(a, b):
-            q[c, p] = best[c, p]
+    q[:, a:b] = best[:, a:b]
     return size
 
 
@@ -183,12 +177,10 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
     (rounds, repeats, strides, same), count, most = tries, q.shape[1], 0
     for g in range(start, stop):
         most = max(most, bounds[g + 1] - bounds[g])
-    F, force, r, here, step, best, moved = (np.empty((3, count)), np.empty((3, count)),
-                                            np.empty((3, count)), np.empty((3, count)),
-                                            np.empty((3, count)), np.empty((3, count)),
-                                            np.empty((3, count)))
-    room = (F, force, np.empty(count, np.int64), r, here, np.empty((3, 3, count)), np.arange(count),
-            step, best, np.empty((3 * most, 3 * most + 1)))
+    work = np.empty((7, 3, count))
+    moved = work[6]
+    room = (work[0], work[1], np.empty(count, np.int64), work[2], work[3], np.empty((3, 3, count)),
+            np.arange(count), work[4], work[5], np.empty((3 * most, 3 * most + 1)))
     for g in range(start, stop):
         a, b = bounds[g], bounds[g + 1]
         n = 3 * (b - a)

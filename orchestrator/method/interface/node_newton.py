@@ -67,6 +67,12 @@ class Question:
         """Return (3, R) F = q + keq (b − S q)."""
         return self.start + (self.felt @ q.ravel()).reshape(q.shape)
 
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Return r (3, R)."""
+        F = self.predicted(q)
+        answer = self.laws.force(F, self.before, self.number)
+        return q - self.laws.settled(answer.force, F, self.anchor)[0]
+
     def left(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return r (3, R), A (3, 3, R) and ‖r‖ (n,)."""
         laws, F = self.laws, self.predicted(q)
@@ -154,7 +160,8 @@ def _ahead(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(question.enough)
     stride, before, last = np.ones(count), np.zeros_like(q), np.full(count, np.inf)
     for _ in range(STRIDES):
-        r, _, size = question.left(q)
+        r = question.residual(q)
+        size = question.size(r)
         common = np.bincount(question.group, (r * before).sum(axis=0), count)
         stride = np.where(common > SAME * size * last, 2 * stride, 1.0)
         q, before, last = q - stride[question.group] * r, r, size
