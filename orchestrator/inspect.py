@@ -175,4 +175,4 @@ def _check_iterations(scene: Scene, method: Method) -> None:
         from orchestrator.refused import by_keys
 
         with by_keys():
-            check_iterations(len(load_cases(scene, method.skip).chosen), scene, method)
+            check_iterations(len(load_cases(scene).chosen), scene, method)

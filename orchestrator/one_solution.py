@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -38,7 +37,7 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.solution import Solution, unsound
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.model import Scene
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.timing import Stopwatch
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class OneSolution:
             part = RankPart.handed_out(scene, method, rank_of, team)
         forces = team.share(None if team.rank else ForceProbes.of(scene))
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
-        errors = WholeErrors(scene, load_cases(part.scene, method.skip, own, team), exact, watch)
+        errors = WholeErrors(scene, load_cases(part.scene, own, team), exact, watch)
         placement = Placement.of(part.scene, rank_of, team)
         delivered, setup_sweeps, spent = self._delivered(
             part, codes, placement, errors, forces.of_rank(part.space.subdomains))
@@ -113,21 +112,19 @@ class OneSolution:
         all have spent.
         """
         team, method, watch, cases = self.ranks.team, self.config.method, self.watch, errors.cases
-        savings, workers = Savings(), max(code.workers for code in codes)
-        if team.rank == 0:
-            savings.add(cases.switch, "load steps", cases.left_out)
+        workers = max(code.workers for code in codes)
         with watch("soles"):
             soles = make_soles_of(part, method, placement.touched)
         self.told.stage("assembling and factorising")
         check_iterations(len(cases.chosen), part.scene, method)
         with watch("start"):
-            blackbox = SharedModels(self.ranks.codes(codes, placement.codes), method.skip, workers,
-                                    len(cases.chosen), savings)
+            blackbox = SharedModels(self.ranks.codes(codes, placement.codes),
+                                    method.skip.congruent, workers, len(cases.chosen))
         self.told.working(blackbox.usage)
         with blackbox:
             check_codes(codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
-            d = prepare(part, soles, method, blackbox, watch, savings)
+            d = prepare(part, soles, method, blackbox, watch)
             del soles  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")
@@ -136,12 +133,9 @@ class OneSolution:
                                watch, Start.handed_out(self.start, chosen),
                                [int(step) + 1 for step in cases.chosen],
                                errors.given(self.reference))
-            if d.all_perfect and team.rank == 0:
-                savings.add("bound", "evaluations of the bound's second part",
-                            sum(math.isnan(event.error_bound) for event in iterated.history))
             workload.end("iterations")
             trim()
             delivered = deliver(d, cases, iterated, watch, forces)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers,
-                                         savings, errors.asked))
+                                         errors.asked))
         return delivered, d.made.sweeps, spent

@@ -1,10 +1,10 @@
-"""Seconds of a run: spent in each stage, saved, and predicted."""
+"""Seconds of a run: spent in each stage, and predicted."""
 
 from __future__ import annotations
 
 import time
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -82,33 +82,6 @@ class Doing:
         if done == self.pieces:
             return "first iteration"
         return f"set-up, {sum(self.done):,.0f} of {self.of:,.0f} {self.what}"
-
-
-class Savings:
-    """Adds up what each kind of skipping saved.
-
-    counts : (switch of ``method.skip``, what was not done) → how often
-    """
-
-    def __init__(self, counts: Mapping[tuple[str, str], int] = {}) -> None:
-        self.counts = Counter(counts)
-
-    def add(self, switch: str, what: str, count: int) -> None:
-        """``count`` things called ``what`` were not done, thanks to a switch; none leaves no
-        trace.
-        """
-        self.counts += Counter({(switch, what): int(count)})
-
-    def __add__(self, other: Savings) -> Savings:
-        """Add up the savings of two ranks."""
-        return Savings(self.counts + other.counts)
-
-    def table(self) -> list[dict[str, object]]:
-        """The table in summary.json: one entry per switch."""
-        return [
-            {"skip": switch,
-             "saved": {what: count for (one, what), count in self.counts.items() if one == switch}}
-                for switch in dict.fromkeys(switch for switch, _ in self.counts)]
 
 
 # Measured growth with the number of dofs from 1,500 to 13,000, of factorisations (1.6) and

@@ -3,7 +3,6 @@
 import json
 import sys
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 from boxes import boxed

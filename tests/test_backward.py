@@ -56,7 +56,7 @@ def delivered(name, error=ROUGH, closely=1e-18):
         d = prepared(made, scene, blackbox)
         d.certificate.closely = closely
         iterated = iterate(d, made.method, [], Stopwatch())
-        return d, iterated, deliver(d, load_cases(scene, made.method.skip), iterated, Stopwatch())
+        return d, iterated, deliver(d, load_cases(scene), iterated, Stopwatch())
 
 
 @pytest.mark.parametrize("name", quick(SCENES, QUICK))

@@ -25,7 +25,6 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
-from orchestrator.timing import Savings
 
 BAR = {"name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
        "subdomains": {"slices": {"axis": "x", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.3}],
@@ -259,8 +258,8 @@ def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterate
                 {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
     with GuardedCode(Pool({0: code})) as blackbox:
         def judge():
-            rims = assemble_rims(scene, own, sides, blackbox, True, Savings())
-            found = own_stiffness(scene, own, blackbox, True, Savings())
+            rims = assemble_rims(scene, own, sides, blackbox, True)
+            found = own_stiffness(scene, own, blackbox, True)
             check_own_matter(scene, own, found, rims, [boundary_dofs(scene, s, sides[s.index]) for s in own])
 
         if words is None:

@@ -15,7 +15,7 @@ from orchestrator.method.increments import iterate
 from orchestrator.method.setup import RankPart, make_soles_of, prepare
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.timing import Stopwatch
 
 BAR = {
     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 4}},
@@ -72,8 +72,8 @@ def test_stiffness_of_a_sole_does_not_depend_on_what_else_is_asked_for():
     models = [model for model, _ in sole_models(scene, make_soles(scene, config.method.sole))]
     some = range(1, len(models), 3)
     with make_blackbox(config.blackbox) as blackbox:
-        together = assembled(models, blackbox, False, Savings())
-        apart = assembled([models[i] for i in some], blackbox, False, Savings())
+        together = assembled(models, blackbox, False)
+        apart = assembled([models[i] for i in some], blackbox, False)
     assert len(models) > len(some) > 2
     for i, alone in zip(some, apart):
         assert np.array_equal(together[i].toarray(), alone.toarray())

@@ -1,10 +1,11 @@
-"""What is skipped changes no result: every switch of ``method.skip``, on and off, through FreeFEM."""
+"""Work that is left out changes no result, through FreeFEM."""
 
 import json
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,16 +15,10 @@ from method_case import CLAMP, CUBES, PULL, method, solved
 from orchestrator.blackbox.shared import SharedModels, representatives
 from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config.method import Skip
-from orchestrator.timing import Savings
+from orchestrator.method.iterated import load_cases
 
 INVARIANT = Traits(translation_invariant=True)
 ROOT = Path(__file__).parents[1]
-
-
-def saved(result) -> dict:
-    """switch → what → count."""
-    return {entry["skip"]: entry["saved"] for entry in result.summary["skipped"]}
 
 
 # --- congruent models -------------------------------------------------------------------------------------
@@ -56,19 +51,18 @@ def test_a_right_hand_side_is_solved_once():
     """Zero, twice in one request, in two congruent subdomains, or again in the next request: all answered alike."""
     model = box()
     f = np.random.default_rng(0).standard_normal((3, len(model.trace)))
-    savings = Savings()
     with make_blackbox(settings()) as pool:
-        shared = SharedModels(pool, skip=Skip(), workers=1, steps=1, savings=savings)
+        asked = []
+        shared = SharedModels(pool, True, workers=1, steps=1)
         shared.load([model, replace(model, nodes=model.nodes + 1.0), box(seed=4)])
         expected = pool.traces({0: f, 1: f})
+        shared.inner = SimpleNamespace(traces=lambda rows: asked.append(sum(map(len, rows.values()))) or pool.traces(rows))
         first = shared.traces({0: f[[0, 1, 0]], 1: np.vstack([f[1], 0 * f[1], f[2]]), 2: f[:1]})
-        before = savings.counts["repeated", "back-substitutions"]
         second = shared.traces({0: f[[2, 0]], 2: np.vstack([f[:1], f[1:2]])})
     assert np.array_equal(first[0], expected[0][[0, 1, 0]])
     assert np.array_equal(first[1], np.vstack([expected[0][1], 0 * f[1], expected[0][2]]))
     assert np.array_equal(second[0], expected[0][[2, 0]]) and np.array_equal(second[2], expected[1][:2])
-    assert before == 3  # one twice, one in the twin, one zero
-    assert savings.counts["repeated", "back-substitutions"] == before + 3
+    assert asked == [4, 1]  # of seven: one twice, one in the twin, one zero; of four those that are new
 
 
 # --- load steps that follow from others -------------------------------------------------------------------
@@ -83,7 +77,7 @@ STEPS = {"boundary": [
 def test_the_bound_of_a_superposition():
     """At a lax tolerance the true error of all steps, followed through the iterations, stays below the bound."""
     few = solved(**CUBES, **STEPS, **method(tolerance={"error": 1e-3}))
-    assert saved(few)["superposition"] == {"load steps": 3}
+    assert load_cases(few.scene).left_out == 3
     error, bound = few.summary["true_error"], few.summary["error_bound"]
     assert error <= bound <= 1e-3 and bound <= 6 * error
 
@@ -120,4 +114,3 @@ def test_commands_load_only_what_they_need(tmp_path):
     assert {"orchestrator.run", "orchestrator.method.coarse.kernels"} <= run and "orchestrator.parallel.mpi" not in run
     assert not (tmp_path / "out" / "fields").exists() and not (tmp_path / "out" / "figures").exists()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert {entry["skip"] for entry in summary["skipped"]} >= {"congruent", "repeated"}

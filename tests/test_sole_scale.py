@@ -8,7 +8,6 @@ from method_case import box_of, prepared
 from orchestrator.method.coarse.sole_scale import FLAT, NEAR, NOTCH
 from orchestrator.blackbox.shared import assembled
 from orchestrator.method.interface.search_direction import placed_soles, sole_requests
-from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.soles import stiffened
@@ -64,6 +63,6 @@ def test_what_is_loaded_is_what_the_method_reckons_with():
         assert moved[:, middle] == pytest.approx(rigid[:, middle], abs=1e-9)
         soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.made.sole_scale))
         requests = sole_requests(scene, d.space, soles)
-        found = assembled([model for model, _, _ in requests], blackbox, True, Savings())
+        found = assembled([model for model, _, _ in requests], blackbox, True)
         again = placed_soles(d.space, requests, found)
         assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()

@@ -7,7 +7,6 @@ from method_case import box_of, config, prepared
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import BlackBoxError
-from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 
 CUBES = {"mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]},
@@ -25,7 +24,7 @@ def case(request):
     data, congruent, kind = request.param
     made = config(**data, method={"skip": {"congruent": congruent}, "sole": {"kind": kind}})
     scene = build_scene(made)
-    with SharedModels(box_of(made), made.method.skip, workers=1, steps=scene.steps, savings=Savings()) as blackbox:
+    with SharedModels(box_of(made), True, workers=1, steps=scene.steps) as blackbox:
         yield prepared(made, scene, blackbox)
 
 

@@ -52,8 +52,7 @@ def _add(study: Study, name: str, config: dict[str, Any], ranks: int = 1) -> dic
     """Run the command, add its row."""
     label = name.replace(" ", "_").replace("³", "3").replace(",", "")
     summary, seconds = whole_command(study, label, config, ranks, accepted=(CONVERGED,))
-    shared = sum(entry["saved"].get("factorisations", 0) for entry in summary["skipped"])
     row = {"case": name, **shares(summary, seconds), "mesh": summary["timing"]["mesh"],
-           "factorisations": summary["subdomains"] - shared}
+           "factorisations": sum(code["models"] for code in summary["codes"])}
     study.note(row, f"{name}: {row['iterations']} iterations, {seconds:.1f} s, floor {row['floor']:.2f} s")
     return row

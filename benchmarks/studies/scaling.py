@@ -1,6 +1,6 @@
 """Strong and weak scaling on this machine, and what the measured costs predict for a cluster.
 
-Every run is the whole command in processes of its own. Nothing is skipped, so that runs differ in the cores alone.
+Every run is the whole command in processes of its own. Nothing is shared, so that runs differ in the cores alone.
 The *floor* is what the code needs by its own clock if all cores share it evenly. The prediction's costs are those of runs with one and
 two ranks; what it says of four is held against what these take.
 """
@@ -56,7 +56,7 @@ def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
         "subdomains": {"grid": list(counts)}, "materials": STEEL,
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": counts[0]}, "traction": [10, 0, 10]}],
-        "method": {"skip": {"congruent": False, "repeated": False}, "macro": {"basis": "rigid"}},
+        "method": {"skip": {"congruent": False}, "macro": {"basis": "rigid"}},
         "output": {"fields": False, "figures": False},
     }
 

@@ -15,10 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox, Model, Traits
-from orchestrator.config.method import Skip
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.congruence import first_congruent
-from orchestrator.timing import STAGES, Savings
+from orchestrator.timing import STAGES
 
 # by value or not at all; all else must be identical
 _COMPARED = ("name", "nodes", "region", "materials", "origin")
@@ -51,14 +50,13 @@ def _key(model: Model) -> Hashable:
             *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in rest))
 
 
-def assembled(models: Sequence[Model], blackbox: BlackBox, share: bool,
-              savings: Savings) -> list[sp.csr_array]:
+def assembled(models: Sequence[Model], blackbox: BlackBox,
+              share: bool) -> list[sp.csr_array]:
     """(3n, 3n) stiffness of every model; where they ``share``, congruent ones get the very same.
     Raises BlackBoxError from the code.
     """
     first = representatives(models, blackbox.traits) if share and models else np.arange(len(models))
     kinds = np.unique(first).tolist()
-    savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
     found = dict(zip(kinds, blackbox.stiffness([models[k] for k in kinds])))
     return [found[k] for k in first.tolist()]
 
@@ -77,16 +75,14 @@ class SharedModels(BlackBox):
     """Maps subdomains to distinct models and merges their right-hand sides.
 
     inner : the black box that holds the distinct models
-    skip : ``method.skip`` of a configuration: congruent subdomains share models, repeated
-        right-hand sides are solved once
+    share : whether congruent subdomains share models
     workers : processes behind ``inner``
     steps : load steps, the right-hand sides of a subdomain in a linear stage
-    savings : where what is saved is noted
     """
 
-    def __init__(self, inner: BlackBox, skip: Skip, workers: int, steps: int, savings: Savings):
+    def __init__(self, inner: BlackBox, share: bool, workers: int, steps: int):
         super().__init__(inner)
-        self.skip, self.workers, self.steps, self.savings = skip, workers, steps, savings
+        self.share, self.workers, self.steps = share, workers, steps
         # (subdomains,) the model of ``inner`` that answers for each
         self.model_of = np.empty(0, int)
         self._last: dict[int, dict[bytes, np.ndarray]] = {}  # of each model, rows and their answers
@@ -97,7 +93,7 @@ class SharedModels(BlackBox):
         """
         self._last, self.model_of, loaded = {}, np.empty(len(models), int), []
         first = representatives(models,
-                                self.traits) if self.skip.congruent else np.arange(len(models))
+                                self.traits) if self.share else np.arange(len(models))
         for kind in np.unique(first):
             members = np.flatnonzero(first == kind)
             times = copies(len(members) * self.steps, len(members), self.workers)
@@ -107,7 +103,6 @@ class SharedModels(BlackBox):
                 self._prove(
                     [models[i]
                      for i in dict.fromkeys(members[[0, len(members) // 2, -1]].tolist())])
-        self.savings.add("congruent", "factorisations", len(models) - len(loaded))
         super().load(loaded)
 
     def _prove(self, models: Sequence[Model]) -> None:
@@ -145,26 +140,23 @@ class SharedModels(BlackBox):
         share their answer.
         """
         groups: dict[int, dict[int, int]] = {}  # model → array → a subdomain that has it
-        key = {index: id(f) if self.skip.repeated else index for index, f in forces.items()}
+        key = {index: id(f) for index, f in forces.items()}
         for index in forces:
             groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
         rows = {model: np.vstack([forces[i] for i in different.values()])
                 for model, different in groups.items()}
-        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
-        answers, result = self._answered(rows, solve, remember, again), {}
+        answers, result = self._answered(rows, solve, remember), {}
         for model, different in groups.items():
             ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
             for array, a, b in zip(different, ends[:-1], ends[1:]):
                 result[model, array] = answers[model][a:b]
         return {index: result[int(self.model_of[index]), key[index]] for index in forces}
 
-    def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool,
-                  again: int) -> dict[int, np.ndarray]:
-        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked
-        for. Rows that are zero, that occur
-        twice, or that were asked the last time are told by their bytes, and not solved."""
-        if not self.skip.repeated:
-            return solve(rows)
+    def _answered(self, rows: dict[int, np.ndarray], solve: Callable,
+                  remember: bool) -> dict[int, np.ndarray]:
+        """Answers per model to rows (n, size) per model. Rows that are zero, that occur twice, or
+        that were asked the last time are told by their bytes, and not solved.
+        """
         keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}
         known = {model: self._last.get(model, {}) if remember else {} for model in rows}
         # key → the first row that has it, neither zero nor known
@@ -183,7 +175,4 @@ class SharedModels(BlackBox):
                     r.shape)
         if remember:
             self._last |= {model: dict(zip(keys[model], answers[model])) for model in rows}
-        self.savings.add("repeated", "back-substitutions",
-                         again + sum(len(r) for r in rows.values())
-                         - sum(len(a) for a in asked.values()))
         return answers

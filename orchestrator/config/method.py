@@ -170,16 +170,6 @@ class Skip(Part):
     congruent: bool = Field(True, description=(
         "subdomains, soles and rims that differ by a translation alone share one stiffness and "
         "one factorisation"))
-    repeated: bool = Field(True,
-                           description=(
-                               "right-hand sides that are zero, equal or unchanged since the last "
-                               "stage are not solved"))
-    superposition: bool = Field(True, description=(
-        "perfect interfaces: load steps that are combinations of others follow from their "
-        "solutions"))
-    bound: bool = Field(True, description=(
-        "the error bound's second part, which costs solves, is evaluated only once its first is "
-        "below the tolerance"))
 
 
 class Method(Part):

@@ -158,12 +158,10 @@ class LoadCases:
 
     chosen : (r,) int, ascending
     weights : (r, T) step t = Σᵢ weights[i, t] × step chosen[i]
-    switch : of ``method.skip``, that allows to leave steps out
     """
 
     chosen: np.ndarray
     weights: np.ndarray
-    switch: str = ""
 
     @property
     def left_out(self) -> int:
@@ -182,15 +180,14 @@ class LoadCases:
         return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
 
 
-def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None,
+def load_cases(scene: Scene, own: Sequence[Subdomain] | None = None,
                team: Team = ALONE) -> LoadCases:
     """The steps to solve, the same on all ranks, which ask together.
 
-    skip : ``method.skip`` of the configuration
     own : this rank's subdomains of its part of the scene; None: all
     """
     remembers = team.max(float(scene.remembers))[0]
-    if skip.superposition and scene.steps > 1 and scene.bonded and not remembers:
+    if scene.steps > 1 and scene.bonded and not remembers:
         return _independent(_load_vectors(scene.steps, scene.subdomains if own is None else own,
                                           team))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
@@ -213,7 +210,7 @@ def _load_vectors(steps: int, own: Sequence[Subdomain], team: Team) -> np.ndarra
 def _independent(loads: np.ndarray) -> LoadCases:
     """Linear: a rank-revealing QR picks the steps, the largest first."""
     if not loads.any():
-        return LoadCases(np.array([0]), np.ones((1, loads.shape[1])), "superposition")
+        return LoadCases(np.array([0]), np.ones((1, loads.shape[1])))
     _, triangle, order = la.qr(loads, mode="economic", pivoting=True)
     # what a column has below row r is what r steps leave unexplained of it; largest columns come
     # first
@@ -223,7 +220,7 @@ def _independent(loads: np.ndarray) -> LoadCases:
     weights = np.zeros((rank, loads.shape[1]))
     weights[:, order] = la.solve_triangular(triangle[:rank, :rank], triangle[:rank])
     ascending = np.argsort(order[:rank])
-    return LoadCases(order[:rank][ascending], weights[ascending], "superposition")
+    return LoadCases(order[:rank][ascending], weights[ascending])
 
 
 def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:

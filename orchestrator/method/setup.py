@@ -46,7 +46,7 @@ from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.soles.overlap import by_nodes, difficulty
 from orchestrator.scene.soles.ring import make_rings
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.timing import Stopwatch
 
 
 @dataclass
@@ -103,19 +103,18 @@ def make_soles_of(part: RankPart, method, wanted: Sequence[bool] | None = None) 
     return make_soles(part.scene, method.sole, wanted, method.skip.congruent)
 
 
-def prepare(part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: Stopwatch,
-            savings: Savings | None = None) -> Decomposition:
+def prepare(part: RankPart, soles: Sequence, method, blackbox: BlackBox,
+            watch: Stopwatch) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both
         sides of their interfaces
     soles : of ``make_soles_of``
     method : ``method`` of the configuration
-    savings : where it is noted what need not be done
     Raises BlackBoxError: from the code
     Raises Refusal: the macro problem is singular, or the parts do not go together
     """
-    return _SetUp(part, soles, method, blackbox, watch).decomposed(savings or Savings())
+    return _SetUp(part, soles, method, blackbox, watch).decomposed()
 
 
 class _SetUp:
@@ -132,7 +131,7 @@ class _SetUp:
                        for s, ring in zip(self.own, rings)]
         self.traces = [m.trace for m in self.models]
 
-    def decomposed(self, savings: Savings) -> Decomposition:
+    def decomposed(self) -> Decomposition:
         """The decomposition, step by step."""
         scene, space, method = self.scene, self.space, self.method
         blackbox, watch, own = self.blackbox, self.watch, self.own
@@ -141,7 +140,7 @@ class _SetUp:
         certified = not (perfect or remembers or method.tolerance.error is None
                          or any(i.follows for i in scene.interfaces))
         with watch("search_direction"):
-            direction, rims, stiffness, factorised = self._asked(perfect or certified, savings)
+            direction, rims, stiffness, factorised = self._asked(perfect or certified)
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
             local, pairs = Exchange(direction, method.search_direction.kplus), None
@@ -188,7 +187,7 @@ class _SetUp:
         return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse,
                              certificate, nonlinear)
 
-    def _asked(self, whole: bool, savings: Savings) -> tuple:
+    def _asked(self, whole: bool) -> tuple:
         """Search direction; stiffness of the rims, and of the boundary dofs; and when the codes
         have factorised: nothing else is asked of them until then.
 
@@ -197,12 +196,12 @@ class _SetUp:
         """
         scene, own, blackbox, traces = self.scene, self.own, self.blackbox, self.traces
         sides = self.sides if whole else [[] for _ in self.sides]
-        share = self.method.skip.congruent, savings
+        share = self.method.skip.congruent
         requests = sole_requests(scene, self.space, self.soles)
         matrices, factorised = _meanwhile(
-            lambda: (assembled([model for model, _, _ in requests], blackbox, *share),
-                     assemble_rims(scene, own, sides, blackbox, *share),
-                     own_stiffness(scene, own, blackbox, *share)),
+            lambda: (assembled([model for model, _, _ in requests], blackbox, share),
+                     assemble_rims(scene, own, sides, blackbox, share),
+                     own_stiffness(scene, own, blackbox, share)),
             lambda: blackbox.load(self.models))
         soles, rims, of_bodies = matrices.result()
         check_own_matter(scene, own, of_bodies, rims,

@@ -42,7 +42,6 @@ from orchestrator.method.linear.loading import RimStiffness
 from orchestrator.scene.conditions.rigid import motions
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.timing import Savings
 
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below
 # 1e-5.
@@ -169,15 +168,15 @@ ROUNDING, DIGITS = 1e-12, 10.0
 LOCAL = 1e-8  # of a row's diagonal entry: what two assemblies of the same tets may differ by
 
 
-def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, share: bool,
-                  savings: Savings) -> dict[int, sp.csr_array]:
+def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox,
+                  share: bool) -> dict[int, sp.csr_array]:
     """Index in ``own`` → stiffness of the body, for this rank's subdomains whose matter is their
     code's own; others as for
     ``assembled``. Parts whose mesh is not ours have been judged when they were read."""
     chosen = [e for e, s in enumerate(own) if not s.foreign and blackbox.traits(s.code).own_matter]
     return dict(
         zip(chosen,
-            assembled([body_model(scene, own[e]) for e in chosen], blackbox, share, savings)))
+            assembled([body_model(scene, own[e]) for e in chosen], blackbox, share)))
 
 
 def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, sp.csr_array],

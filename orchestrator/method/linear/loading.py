@@ -24,7 +24,6 @@ from orchestrator.scene.conditions.rigid import HELD, motions_about
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.interface import ends_of, Interface
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.timing import Savings
 
 # of what loads and supports would do alone in energy norm: what rounding leaves of an answer that
 # is zero
@@ -53,14 +52,14 @@ def partway(values: np.ndarray, step: int, share: float) -> np.ndarray:
     return share * values[step] + ((1 - share) * values[step - 1] if step else 0.0)
 
 
-def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, share: bool,
-                  savings: Savings) -> list[RimStiffness]:
+def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
+                  share: bool) -> list[RimStiffness]:
     """Rim stiffness of a rank's own subdomains, assembled by the black box; congruent rims once if
     they ``share``.
     """
     rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
     filled = [r for r in rims if len(r.model.cells)]
-    found = iter(assembled([r.model for r in filled], blackbox, share, savings))
+    found = iter(assembled([r.model for r in filled], blackbox, share))
     return [RimStiffness(next(found) if len(r.model.cells)
                          else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes) for r in rims]
 

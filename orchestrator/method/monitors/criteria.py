@@ -78,7 +78,7 @@ class BondedCriterion(Criterion):
 
     def __init__(self, case: Case):
         super().__init__(case)
-        self.spare, self.ratio = case.method.skip.bound, 0.0
+        self.ratio = 0.0
 
     @classmethod
     def of(cls, case: Case) -> BondedCriterion | None:
@@ -102,8 +102,8 @@ class BondedCriterion(Criterion):
         bound, imbalance = known[0], now.measures.force_imbalance
         due = bound.a <= value and (imbalance <= BALANCED
                                     or self.ratio * imbalance <= _of_size(value))
-        if self.case.by_error and (due or not self.spare):
-            bound = evaluate(now.best, value if self.spare else np.inf, known, value)
+        if self.case.by_error and due:
+            bound = evaluate(now.best, value, known, value)
             least = bound.relative if np.isfinite(bound.relative) else bound.least
             self.ratio = _of_size(least) / imbalance if np.isfinite(
                 least) and imbalance > 0 else 0.0

@@ -107,7 +107,6 @@ LINES = (
     SummaryLine("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
     SummaryLine("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests",
                 brief=False),
-    SummaryLine("skipped", "{saved}  ({skip})", "skipped", False),
     SummaryLine("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False),
 )
 

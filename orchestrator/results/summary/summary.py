@@ -27,12 +27,12 @@ KEYS = (
     "reaction_names reaction_kinds reaction_moments probes paths status_counts "
     "interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held "
     "unbalanced far_bodies warnings timing workload codes asking_seconds orchestrator_seconds "
-    "versions memory_peak_mb rank_memory_peak_mb skipped config").split()
+    "versions memory_peak_mb rank_memory_peak_mb config").split()
 MORE_KEYS = ("workers", "nonlinear")  # of which some runs know
 LISTS = (
     "advice energy reactions reaction_names reaction_kinds probes paths interface_resultants "
     "contact_faces bolts tools load_path limit_load detached weakly_held unbalanced far_bodies "
-    "warnings codes skipped").split()
+    "warnings codes").split()
 MAPPINGS = (
     "sweeps error_shares accuracy residuals stabilised places peak_stress peak_displacement "
     "reaction_moments status_counts backward timing workload versions config").split()

@@ -18,7 +18,7 @@ from orchestrator.blackbox.usage import CLOCKS, Activity, Usage, since
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import memory_peak_mb
 from orchestrator.results.summary.summary import versions
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.timing import Stopwatch
 
 if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one
     from orchestrator.scene.model import Scene
@@ -109,7 +109,6 @@ class Spent:
     asked : seconds for which the black box has been asked, but for the true error
     workload : who did what, per period
     workers : processes of the codes that work at the same time
-    savings : what need not be done
     """
 
     clock: dict[str, float]
@@ -119,11 +118,9 @@ class Spent:
     asked: float
     workload: Record
     workers: int
-    savings: Savings
 
     @classmethod
     def of(cls, usage: Usage, numbers: Sequence[int], workload: Record, workers: int,
-           savings: Savings,
            for_reference: float = 0.0) -> Spent:
         """This rank's, so far.
 
@@ -135,7 +132,7 @@ class Spent:
         own = memory_peak_mb()
         return cls(usage.clock(), usage.memory_peak_mb() + own, own,
                    dict(zip(numbers, usage.codes())),
-                   usage.asked - for_reference, workload, workers, savings)
+                   usage.asked - for_reference, workload, workers)
 
 
 def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
@@ -151,4 +148,4 @@ def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
         "workers": sum(rank.workers for rank in ranks),
         "memory_peak_mb": sum(rank.memory_mb for rank in ranks),
         "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
-        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks)}
+        "ranks": len(ranks)}
