@@ -1,9 +1,7 @@
 """Rigid tools without a mesh: beside what is prescribed outright, books, each other; and what is wrong with them."""
 
 import copy
-from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
@@ -13,8 +11,6 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.sources import bricks
 
 HELD = {"on": "zmin", "displacement": [0, 0, 0]}
 PLANE = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}}
@@ -48,17 +44,6 @@ def test_a_force_does_what_the_way_does_that_it_makes(element, gap, error):
     about, there = (np.array(s.summary["reaction_moments"]["moments"])[1, 0] for s in (pushed, found))
     assert about == pytest.approx([0.5 * force, -0.5 * force, 0], abs=1e-3 * -force) and about == pytest.approx(there, abs=2e-4 * -force)
     assert pushed.iterations < 4 * found.iterations
-
-
-def stl(path: Path, points: np.ndarray, triangles: np.ndarray) -> str:
-    meshio.write(path, meshio.Mesh(points, [("triangle", triangles)]), file_format="stl", binary=True)
-    return str(path)
-
-
-def cube(size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    mesh = bricks(np.full(3, size), np.ones(3, dtype=int), "cube")
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    return mesh.nodes, faces.triangles[faces.outer]
 
 
 @pytest.mark.parametrize("more, holds", [(-0.005, True), (0.005, False)])
@@ -107,18 +92,6 @@ def test_a_tool_that_presses_on_what_is_held_is_called_by_its_name():
     with pytest.raises(InputError, match=r"boundary\[1\] and plane on both sides") as caught:
         build_scene(config_from(data))
     assert [problem.path for problem in caught.value.problems] == [("interfaces", 0)]
-
-
-@pytest.mark.parametrize("change, words", [
-    (lambda t: t[:-1], "not closed: 3 edges"), (lambda t: np.r_[t[:1, ::-1], t[1:]], "turned against their neighbours, at 3 edges"),
-    (lambda t: t[:, ::-1], "inside out"), (None, "no triangles")])
-def test_a_file_that_is_no_body_is_one_message(tmp_path, change, words):
-    points, triangles = cube()
-    file = tmp_path / "cube.stl"
-    file.write_text("solid but not so") if change is None else stl(file, points + [0, 0, 0.5], change(triangles))
-    with pytest.raises(InputError, match=words) as caught:
-        build_scene(config_from(block({"stl": str(file)})))
-    assert len(caught.value.problems) == 1 and caught.value.problems[0].path == ("interfaces", 0, "between", 1, "stl")
 
 
 def test_what_holds_a_tool_does_not_feel_how_far_it_goes():

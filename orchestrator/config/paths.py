@@ -223,7 +223,6 @@ def with_files(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
     places = [*((*mesh, key) for mesh in (("mesh",), ("parts", "*", "mesh"))
                 for key in ("file", "step")),
               *(("parts", "*", kind, key) for kind, part in KINDS.items() for key in part.files),
-              ("interfaces", "*", "between", 1, "stl"),
               *(("loads", "*", name, key) for name, kind in IN_VOLUMES.items()
                 for key in kind.files)]
     for path, name in [one for pattern in places for one in find(data, pattern)]:

@@ -56,16 +56,13 @@ class Cylinder(Frame):
 
 
 class Tool(Part):
-    """A rigid body without a mesh: one of plane, sphere, cylinder and stl, and how it moves or what
-    pushes it.
+    """A rigid body without a mesh: one of plane, sphere and cylinder, and how it moves or what pushes
+    it.
     """
 
     plane: Plane | None = Field(None, description="{at: [x, y, z], normal: z}")
     sphere: Sphere | None = Field(None, description="{centre: [x, y, z], radius: 5}")
     cylinder: Cylinder | None = Field(None, description="{axis: y, at: [x, y, z], radius: 5}")
-    stl: Name | None = Field(None,
-                             description="an STL file of a closed surface, relative to the YAML "
-                             "file, in the mesh's unit of length")
     name: Name | None = Field(None,
                               description="what it is called in messages and results; none: by its "
                               "shape")
@@ -79,8 +76,7 @@ class Tool(Part):
     moment: Loaded = Field([0.0, 0.0, 0.0],
                            description="on the tool about `about`, in components that are free")
     about: Vector | None = Field(None, description=(
-        "the point that moves and turns; none: of a sphere the centre, of the others `at`, of an "
-        "STL file the middle of its box"))
+        "the point that moves and turns; none: of a sphere the centre, of the others `at`"))
     history: Name | None = Field(None,
                                  description="name of the factors per load step, of all these; "
                                  "none: the same at every step")
@@ -115,7 +111,7 @@ class Tool(Part):
         return given if isinstance(given[0], list) else [given]
 
 
-SHAPES = ("plane", "sphere", "cylinder", "stl")
+SHAPES = ("plane", "sphere", "cylinder")
 MOVES, LOADS = ("displacement", "rotation"), ("force", "moment")
 LISTED = (*MOVES, *LOADS)
 PLACE = ("interfaces", "*", "between", 1)

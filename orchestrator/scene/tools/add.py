@@ -64,11 +64,7 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
         if name in mesh.volumes:
             problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is",
                          "a name of its own", "give it a name")
-        try:
-            surface = surface_of_tool(tool, (*path, *PLACE[2:]))
-        except InputError as error:
-            problems.found += error.problems
-            continue
+        surface = surface_of_tool(tool)
         rigid = Rigid(name, surface, Driven.of(tool, surface.middle, times))
         volumes = volumes_named(mesh, entry.pair[0], (*path, "between", 0), problems)
         foreign = [mesh.volumes[stand.volume] for stand in mesh.foreign if stand.volume in volumes]
@@ -90,20 +86,14 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
     return found
 
 
-def surface_of_tool(tool: Tool, path: KeyPath) -> ToolSurface:
-    """Surface of the YAML's entry; raises InputError: an STL file that is none, or whose surface is
-    not closed or turned inside out.
-    """
+def surface_of_tool(tool: Tool) -> ToolSurface:
+    """Return the surface of the YAML's entry."""
     if tool.plane is not None:
         return PlaneSurface(np.array(tool.plane.at), np.array(tool.plane.direction))
     if tool.sphere is not None:
         return Round(np.array(tool.sphere.centre), tool.sphere.radius, tool.sphere.hollow)
-    if tool.cylinder is not None:
-        c = tool.cylinder
-        return Round(np.array(c.at), c.radius, c.hollow, np.array(c.direction))
-    from orchestrator.scene.tools.triangles import read_stl  # with it comes SciPy
-
-    return read_stl(tool.stl, (*path, "stl"))
+    c = tool.cylinder
+    return Round(np.array(c.at), c.radius, c.hollow, np.array(c.direction))
 
 
 def add_tools(cut: Divided, pressed: Sequence[Pressed],
