@@ -1,13 +1,9 @@
 """Nonlinear parts: load steps one after the other, against one run of everything; who is refused, and why."""
 
-import shutil
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from boxes import boxed
-from foreign_case import write_deck
-from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
+from in_process import EXAMPLE, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
 from quick import late
 
@@ -158,26 +154,3 @@ def test_nonlinear_solvers_that_break_their_word(tmp_path, body, words):
         return
     with pytest.raises((InputError, BlackBoxError), match=words):
         solve(made)
-
-
-PLASTIC = "*MATERIAL,NAME=STEEL\n*ELASTIC\n200e3,.3\n*PLASTIC\n200.,0.\n2200.,1.\n*SOLID SECTION,ELSET=EALL,MATERIAL=STEEL\n"
-
-
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
-@pytest.mark.long
-def test_a_deck_that_flows_in_frictional_contact(tmp_path):
-    """Pressed and dragged aside, back: statuses and forces are those of the same elements and matter in Python."""
-    write_deck(tmp_path, "C3D4", (2, 1, 1), matter=PLASTIC)
-    pressed = {"name": "pressed", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-               "method": {"tolerance": {"error": 1e-5}}, "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}]}
-    block = boxed("block", [1, 1, 1], [1, 1, 1], [2, 0, 0])
-    dragged = {"on": "block/xmax", "displacement": [[-0.003, 0.002, 0], [-0.001, 0, 0]]}
-    deck = {"name": "hull", "deck": {"calculix": str(tmp_path / "part.inp"), "joints": "FLANGE", "nonlinear": True}}
-    same = boxed("hull", [2, 1, 1], [2, 1, 1])
-    flows = {**IN_PROCESS_PLASTIC, "options": {"yield_stress": 200.0, "hardening": 2000.0}, "on": "hull"}
-    theirs = solve(config_from({**pressed, "parts": [deck, block], "boundary": [dragged], "blackbox": IN_PROCESS}))
-    ours = solve(config_from({**pressed, "parts": [same, block], "blackbox": [IN_PROCESS, flows],
-                              "boundary": [dragged, {"on": "hull/xmin", "displacement": [0, 0, 0]}]}))
-    assert theirs.converged and ours.converged and theirs.summary["status_counts"] == ours.summary["status_counts"]
-    assert np.abs(theirs.reactions[0] - ours.reactions[0]).max() <= 1e-4 * np.abs(ours.reactions[0]).max()
-    assert sum(ours.summary["status_counts"]["slip"]) > 0

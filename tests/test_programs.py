@@ -1,4 +1,4 @@
-"""Programs of the user's own as parts: in FreeFEM, C and Python, linear and not; and every way in which one may be wrong."""
+"""Programs of the user's own as parts: in FreeFEM, C and Python; and every way in which one may be wrong."""
 
 import shutil
 import subprocess
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boxes import boxed
 from foreign_case import write_deck
 from in_process import IN_PROCESS
 from ruamel.yaml import YAML
@@ -21,7 +20,6 @@ from orchestrator.blackbox.transport.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.calculix.deck import DeckCode
 from orchestrator.blackbox.codes.parts import finish_parts
 from orchestrator.blackbox.codes.parts import ProgramCode
-from orchestrator.blackbox.models import Matter
 from orchestrator.config.load import config_from
 from orchestrator.config.mesh import DeckPart, ProgramPart
 from orchestrator.errors import InputError
@@ -278,120 +276,3 @@ def test_whoever_interrupts_a_run_does_not_wait_for_a_program(tmp_path, monkeypa
     asking.join(timeout=30)
     assert not asking.is_alive() and {"program": "killed by signal 9", "deck": "killed by SIGKILL"}[kind] in failures[0]
     assert not list(folder.iterdir())
-
-
-# Bars that flow, kinematic hardening; cases are load steps. Four corners of a block are the joint, three points are held.
-FLOWING = """#!{python} -S
-P = [(0., 0., 0.), (1., 0., 0.), (0., 1., 0.), (1., 1., 0.), (.4, .3, -1.), (.6, .8, -.7), (1.2, .1, -.8)]
-BARS = [(i, j) for i in range(7) for j in range(i)]
-def unit(i, j):
-    d = [b - a for a, b in zip(P[j], P[i])]
-    size = sum(x * x for x in d) ** .5
-    return [x / size for x in d]
-D = [unit(*bar) for bar in BARS]
-K = [[1e6 * (r == c and r >= 12) for c in range(21)] for r in range(21)]
-for (i, j), d in zip(BARS, D):
-    for a in range(3):
-        for b in range(3):
-            k = 100. * d[a] * d[b]
-            K[3*i+a][3*i+b] += k; K[3*j+a][3*j+b] += k; K[3*i+a][3*j+b] -= k; K[3*j+a][3*i+b] -= k
-w = open('springs.txt').read().split()
-for i in range(int(w[0])):
-    for c in range(3): K[3*i+c][3*i+c] += float(w[2 + 4*i + c])
-def inverse(A):
-    n = len(A); A = [row[:] + [float(i == j) for j in range(n)] for i, row in enumerate(A)]
-    for i in range(n):
-        A[i] = [x / A[i][i] for x in A[i]]
-        for r in range(n):
-            if r != i and A[r][i]: f = A[r][i]; A[r] = [x - f * y for x, y in zip(A[r], A[i])]
-    return [row[n:] for row in A]
-w = open('forces.txt').read().split()
-n, cases = int(w[0]), int(w[1]); at = 2
-inv = inverse(K) if cases else []
-flown, rows = [0.] * 21, []
-for case in range(cases):
-    at += 1; f = [0.] * 21
-    for i in range(n):
-        for c in range(3): f[3*i+c] += float(w[at + 1 + c])
-        at += 4
-    now = flown
-    for _ in range(500):
-        b = f[:]
-        for (i, j), d, p in zip(BARS, D, now):
-            for c in range(3): b[3*i+c] += 100. * p * d[c]; b[3*j+c] -= 100. * p * d[c]
-        u = [sum(x * y for x, y in zip(row, b)) for row in inv]
-        trial, before = [], now
-        for (i, j), d, p in zip(BARS, D, flown):
-            s = 100. * (sum(d[c] * (u[3*i+c] - u[3*j+c]) for c in range(3)) - p) - 20. * p
-            trial.append(p + (abs(s) > 1.) * (abs(s) - 1.) / 120. * (1 if s > 0 else -1))
-        now = trial
-        if max(abs(x - y) for x, y in zip(now, before)) < 1e-16: break
-    flown = now
-    rows += [(i + 1, *u[3*i:3*i+3]) for i in range(n)]
-open('joint.txt', 'w').writelines('%d %r %r %r\\n' % (i + 1, *P[i]) for i in range(4))
-open('displacements.txt', 'w').writelines('%d %r %r %r\\n' % row for row in rows)
-"""
-
-
-@pytest.mark.long
-def test_a_program_that_remembers_load_steps(tmp_path):
-    """Bars that flow under a block, replayed from the beginning: against one system of both; what it writes last is its own."""
-    run = tmp_path / "bars"
-    run.write_text(FLOWING.replace("{python}", sys.executable))
-    run.chmod(0o755)
-    block = bricks(np.ones(3), np.ones(3, int), "block")
-    foot = block.surfaces["zmin"][:, ::-1]  # the other way round: outward of the bars
-    steps = [[1.5, 0.5, -2.0], [-1.5, 0, -1.0]]
-    corners = corners_of(block.nodes)
-    (tmp_path / "facets.csv").write_text("".join(" ".join(str(1 + corners.index(i)) for i in row) + "\n" for row in foot))
-    data = {"name": "flows", "subdomains": "groups", "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-7}},
-            "parts": [boxed("block", cells=[1, 1, 1]),
-                      {"name": "bars", "program": {"run": str(run), "facets": str(tmp_path / "facets.csv"), "held": True, "nonlinear": True}}],
-            "materials": [{"young": 500.0, "poisson": 0.25}], "boundary": [{"on": "block/zmax", "traction": steps}],
-            "interfaces": [{"between": "auto", "law": "perfect"}]}
-    made = config_from(data)
-    found = solve(made)
-    own = found.scene.subdomains[0]
-    x = found.scene.mesh.nodes[own.nodes]
-    exact = of_bars_and_block(x, stiffness(x, own.connectivity, 500.0, 0.25), own.loads, corners_of(x))
-    assert found.converged and found.iterations <= 40 * 2
-    assert np.abs(found.parts[0] - exact).max() <= 1e-5 * np.abs(exact).max()
-    assert finish_parts(made.codes, found.scene.subdomains, found.parts, found.joints, ResultsFolder(tmp_path).of_part) == []
-    last = np.loadtxt(tmp_path / "parts" / "bars" / "displacements.txt")[-4:, 1:]
-    assert np.abs(last - exact[1, corners_of(x)]).max() <= 1e-5 * np.abs(exact).max()
-
-
-def corners_of(x):
-    return [int(np.argmin(np.linalg.norm(x - [a, b, 0], axis=1))) for b in (0, 1) for a in (0, 1)]
-
-
-def stiffness(x, cells, young, poisson):
-    return Matter(x, cells, np.full(len(cells), young), np.full(len(cells), poisson)).stiffness().toarray()
-
-
-def of_bars_and_block(x, block, loads, joint):
-    """(T, 8, 3) displacements of the block on bars that flow."""
-    scope = {}
-    exec(FLOWING.partition("w = open")[0].partition("\n")[2], scope)
-    dofs = np.concatenate([(3 * np.array(joint)[:, None] + np.arange(3)).ravel(), 24 + np.arange(9)])
-    K = np.zeros((33, 33))
-    K[:24, :24] = block
-    K[np.ix_(dofs, dofs)] += np.array(scope["K"])
-    B = np.zeros((21, 21))
-    for row, ((i, j), d) in zip(B, zip(scope["BARS"], scope["D"])):
-        row[3 * i : 3 * i + 3], row[3 * j : 3 * j + 3] = d, -np.array(d)
-    flown, found = np.zeros(21), []
-    for load in loads:
-        now = flown
-        for _ in range(2000):
-            f = np.r_[load.ravel(), np.zeros(9)]
-            f[dofs] += 100 * B.T @ now
-            u = np.linalg.solve(K, f)
-            s = 100 * (B @ u[dofs] - flown) - 20 * flown
-            now, before = flown + np.maximum(np.abs(s) - 1, 0) / 120 * np.sign(s), now
-            if np.abs(now - before).max() < 1e-15:
-                break
-        flown = now
-        found.append(u[:24].reshape(-1, 3))
-    assert (flown != 0).sum() > 4
-    return np.array(found)

@@ -82,15 +82,6 @@ def body_model(scene: Scene, subdomain: Subdomain) -> Model:
                   origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
-def both_alike(scene: Scene, index: int, pair: SolePair) -> bool:
-    """Whether the sole of an interface is one and the same stiffness on both sides: not so where a
-    side takes its diagonal,
-    as parts do whose mesh is not ours and which remember load steps."""
-    return pair[0] is pair[1] and not any(
-        s.foreign and s.remembers
-        for s in (scene.subdomains[e] for e in scene.interfaces[index].subdomains))
-
-
 def sole_model(name: str, inner: np.ndarray, sole: Sole, code: int) -> Model:
     """A sole alone, whose inner nodes are at points (n, 3)."""
     return _model(name, np.vstack([inner, sole.points]), sole.cells, _matter(sole), code=code)
@@ -106,7 +97,7 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
     """
     models = []
     for interface, pair in zip(scene.interfaces, soles):
-        for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (
+        for side in () if pair is None else (0,) if pair[0] is pair[1] else (
             0, 1):
             model = sole_model(f"sole of {interface.name}", scene.side_points(interface, side),
                                pair[side], scene.subdomains[interface.subdomains[side]].code)

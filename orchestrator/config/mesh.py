@@ -164,9 +164,7 @@ class MaterialEntry(Part):
 
 
 class ForeignPart(Part):
-    """A part whose mesh is not this program's. What it has of ``loads``, and whether it is
-    ``nonlinear``, each kind says.
-    """
+    """A part whose mesh is not this program's. What it has of ``loads``, each kind says."""
 
     kind: ClassVar[str]  # the key in ``parts``, and the name in ``registry.FOREIGN``
     files: ClassVar[tuple[str, ...]]  # keys that name files beside the YAML
@@ -187,7 +185,6 @@ class MatrixPart(ForeignPart):
 
     kind = "matrix"
     files = ("stiffness", "nodes", "loads", "facets")
-    nonlinear: ClassVar[bool] = False
 
     stiffness: Name = Field(description=(
         "symmetric matrix of three dofs per node, ux uy uz, in MatrixMarket's format, condensed "
@@ -218,9 +215,6 @@ class DeckPart(ForeignPart):
     loads: Names | None = Field(None, description=(
         "cards between *STATIC and *END STEP, one file for all load steps or one for each; none: "
         "no loads"))
-    nonlinear: bool = Field(False, description=(
-        "whether its matter flows (*PLASTIC): load steps are then replayed from the first one, an "
-        "increment each"))
     joints: Names = Field(
         description="names of node sets, *NSET; the part meets others on the elements' faces "
                     "between their nodes")
@@ -243,9 +237,6 @@ class ProgramPart(ForeignPart):
     loads: bool = Field(False, description=(
         "whether it has loads of its own, asked for by the number of the load step; history "
         "multiplies them"))
-    nonlinear: bool = Field(False, description=(
-        "whether it remembers load steps: the cases of a call are then load steps, each from the "
-        "end of the one before"))
     timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(3600.0,
                                                            description="seconds allowed for one "
                                                            "call")

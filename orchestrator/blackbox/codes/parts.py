@@ -33,9 +33,6 @@ from orchestrator.scene.model import Scene, Subdomain
 class ForeignCode(Code):
     """Answers for one part. A kind of part derives from it and says in ``made`` how a part is
     brought to its joints.
-
-    What is nonlinear says in ``respond(springs, forces)`` how its joints move, (3n,), at the end of
-    load steps under forces (3n,) each, from the beginning.
     """
 
     own_matter: ClassVar[bool] = True
@@ -54,13 +51,9 @@ class ForeignCode(Code):
         factors: tuple[float, ...] = Field((), description="of its own loads, one per load step")
 
         @property
-        def remembers(self) -> bool:
-            return self.part.nonlinear
-
-        @property
         def brings_loads(self) -> bool:
             """Whether it has any; what flows answers to loads and forces together."""
-            return bool(self.part.loads) and not self.remembers
+            return bool(self.part.loads)
 
     Settings = ForeignSettings
 
@@ -183,14 +176,6 @@ class ProgramCode(ForeignCode):
                                        np.zeros((steps, joints.points.size)))
             loads = alone @ answers.inverse
         return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.error)
-
-    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the
-        beginning: how a program that
-        keeps nothing between its calls remembers."""
-        own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
-        return self.runs().displacements(self.condensed().joints.ids, springs, own,
-                                         np.array(forces))[-1]
 
     def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
         """The last call, whose files stay: all load steps with the final forces, so that the

@@ -21,20 +21,12 @@ class AlgebraWorker(Worker):
     """A worker without a process. Of a model the first nodes stand for the part: its joints', then
     those of the layer behind
     them, which have no stiffness; soles are plain matter, whose stiffness is added.
-
-    A nonlinear part is elastic to all requests but ``advance``, which commits load steps by replay:
-    whoever answers for it keeps nothing between runs, so that forces of a load step are asked
-    together with those of all committed steps before, from the beginning, and to commit is to
-    remember one more. Only springs may stand on its joints, since they are all that it is told of
-    the search direction: the diagonal of the soles.
     """
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        self.promised |= 4 * self.code.settings.remembers
         # the model, its free dofs, their factor, and which nodes follow which
         self.models: dict[int, tuple] = {}
-        self.committed: dict[int, list[np.ndarray]] = {}
 
     def kill(self) -> None:
         super().kill()
@@ -52,8 +44,7 @@ class AlgebraWorker(Worker):
             raise BlackBoxError(
                 "factorising failed: its stiffness and its soles together are not positive",
                 model.name) from error
-        self.models[index], self.committed[index] = (model, free, factor,
-                                                     _followed(model, len(part.joints.points))), []
+        self.models[index] = model, free, factor, _followed(model, len(part.joints.points))
         self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]],
@@ -87,28 +78,13 @@ class AlgebraWorker(Worker):
         self._check(model, part := self.code.condensed())
         return np.pad(self.code.loads(), ((0, 0), (0, model.fixed.size - part.stiffness.shape[0])))
 
-    def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
-        begin, model, part = time.thread_time(), self.models[index][0], self.code.condensed()
-        size = part.stiffness.shape[0]
-        k, asked = self._soles(model).diagonal()[:size], [*self.committed[index],
-                                                          forces[:size].copy()]
-        u = np.zeros((2, model.fixed.size))
-        u[0, :size] = self.code.respond(k, asked)
-        u[1, :size] = part.stiffness @ u[0, :size] + k * u[0, :size] - forces[:size]
-        if commit:
-            self.committed[index] = asked
-        self.count([0.0, 0.0, time.thread_time() - begin])
-        return u
-
     def _soles(self, model: Model) -> sp.csr_array:
-        """(3n, 3n) stiffness of the model's plain matter; beside a nonlinear part diagonal."""
+        """(3n, 3n) stiffness of the model's plain matter."""
         sole = np.ones(len(model.cells), bool)
         if model.origin is not None:
             sole[: len(model.origin.cells)] = model.origin.cells < 0
-        stiffness = Matter(model.nodes, model.cells[sole],
-                           *model.materials[model.region[sole]].T).stiffness()
-        return sp.csr_array(
-            sp.diags_array(stiffness.diagonal())) if self.code.settings.remembers else stiffness
+        return Matter(model.nodes, model.cells[sole],
+                      *model.materials[model.region[sole]].T).stiffness()
 
     def _check(self, model: Model, part, own: np.ndarray | slice = slice(None)) -> None:
         """Raises BlackBoxError where the model's nodes are not the joints'."""

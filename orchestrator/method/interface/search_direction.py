@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models import both_alike, sole_model, sole_models
+from orchestrator.blackbox.models import sole_model, sole_models
 from orchestrator.blackbox.protocol import Model
 from orchestrator.method.sparse.symmetric import factorise, Solve
 from orchestrator.method.interface.rows import eigenvalue, placed, times
@@ -115,7 +115,7 @@ def placed_soles(space: TraceSpace, requests: Sequence[Request],
 def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
     """``sole_requests`` of interfaces."""
     return [(model, scene.interfaces[index].traced(side), list(
-        space.sides[index] if both_alike(scene, index, soles[index])
+        space.sides[index] if soles[index][0] is soles[index][1]
         else [space.sides[index][side]]))
         for model, (index, side) in sole_models(scene, soles)]
 

@@ -93,22 +93,19 @@ class UnitAnswers:
 
 def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.ndarray, float]:
     """(3n, 3n) answers to unit forces, symmetric, and how far they are from it as they come."""
-    n, nonlinear = len(k), runs.part.nonlinear
+    n = len(k)
     random = np.random.default_rng(n)
     probe = random.uniform(0.5, 1.0, n) * random.choice([-1.0, 1.0], n)
-    # so small, where matter is nonlinear, that nothing flows: the joint moves by a millionth of
-    # itself
-    unit = 1e-6 * joints.size * float(k.mean()) if nonlinear else 1.0
-    asked = unit * np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
-    found = runs.displacements(joints.ids, k, [0] * len(asked), asked) / unit
+    asked = np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
+    found = runs.displacements(joints.ids, k, [0] * len(asked), asked)
     C, once, twice, nothing = found[:n], found[n], found[n + 1], found[n + 2]
-    again = runs.displacements(joints.ids, k, [0], unit * probe[None])[0] / unit
+    again = runs.displacements(joints.ids, k, [0], probe[None])[0]
     size = np.abs(once).max()
     if not size > 0:
         raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes",
                          "add the forces of forces.txt to the right-hand side")
     if np.abs(nothing).max() > LINEAR * size:
-        raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}",
+        raise runs.wrong(f"without any load its joint moves by {np.abs(nothing).max():.3g}",
                          "its own loads in cases whose first line is not 0, and in those "
                          "alone", "leave them out where own is 0")
     if np.abs(again - once).max() > max(REPEATED, 100 * _digits(once)) * size:
@@ -122,10 +119,7 @@ def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.nd
     if left > LINEAR * size:
         raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}",
                          "answers proportional to forces",
-                         "leave contact and large displacements out" + (
-                             "; of a nonlinear program, what flows at a millionth of its size"
-                             if nonlinear
-                             else ", or say nonlinear: true if its matter is"))
+                         "leave contact, large displacements and matter that flows out")
     apart = float(np.abs(C - C.T).max() / np.abs(C).max())
     if apart > RECIPROCAL:
         raise runs.wrong(

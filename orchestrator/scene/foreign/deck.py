@@ -37,9 +37,6 @@ _EDGES = {size: {tuple(sorted(ends)): CORNERS[shape][1] + i
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP",
              "DEFORMATION PLASTICITY", "MOHR COULOMB",
              "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
-# Those of them that a part may have which says that it is nonlinear: its matter flows, at small
-# strains, whatever the time.
-FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
 # What CalculiX keeps from one step to the next, and how many words of a line say where it acts.
 KEPT = {"CLOAD": 2, "DLOAD": 2, "DSLOAD": 2, "BOUNDARY": 2, "TEMPERATURE": 1}
 # Those that write to files, or read from files, that they name; CalculiX does not mind blanks.
@@ -61,9 +58,9 @@ def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
 
 
 def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
-    deck = Deck(Path(part.calculix), (*path, "calculix"), part.nonlinear)
+    deck = Deck(Path(part.calculix), (*path, "calculix"))
     for i, file in enumerate(part.loads or []):
-        check_cards(Path(file), (*path, "loads", i), part.nonlinear, loads=True)
+        check_cards(Path(file), (*path, "loads", i), loads=True)
     check_kept([Path(file) for file in part.loads or []], (*path, "loads"))
     members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
     ids = np.unique(np.concatenate(members))
@@ -113,12 +110,11 @@ class Deck(InpModel):
 
     file : the deck
     path : of its key in the YAML
-    nonlinear : whether its matter may flow
     """
 
-    def __init__(self, file: Path, path: KeyPath, nonlinear: bool = False):
+    def __init__(self, file: Path, path: KeyPath):
         self.path, self.file = path, file
-        check_cards(file, path, nonlinear)
+        check_cards(file, path)
         self.cards = cards_of_a_model(file)
         for *_, rows in self.cards:
             if rows[0].scope.start:
@@ -246,7 +242,7 @@ def files_of(file: Path) -> list[Path]:
     return deck.opened
 
 
-def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False) -> None:
+def check_cards(file: Path, path: KeyPath, loads: bool = False) -> None:
     """Raises InputError for cards that the deck of a part, or the file of its loads, cannot
     have.
     """
@@ -266,13 +262,11 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
                 f"NLGEOM on *{card}: large displacements, to which joint forces are not "
                 "proportional", "a linear part",
                     "leave NLGEOM out")
-        elif card in NONLINEAR - (FLOWING if nonlinear else set()):
+        elif card in NONLINEAR:
             said = (f"*{card}, which makes the part nonlinear",
                     "a linear part: its answers are superposed",
-                    "write nonlinear: true in its entry, so that load steps are replayed"
-                    if card in FLOWING else
                     "leave the card out, or put the nonlinear part in the orchestrator's own "
-                    "contact laws")
+                    "contact laws, or in a solver in Python with nonlinear: true")
         elif loads and card == "BOUNDARY" and _new(options):
             said = (
                 "*BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another",
@@ -290,11 +284,6 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
         else:
             continue
         raise wrong(path, f"{where}: {said[0]}", *said[1:])
-    first = next((text for text, _, _ in Inclusion(file).spliced()), "*")
-    if loads and nonlinear and not first.startswith("*"):
-        raise wrong(path, f"{file}: numbers before the first card",
-                    "cards: a load step of matter that flows is one increment",
-                    "leave that line out, and write more load steps for smaller increments")
 
 
 def check_kept(files: list[Path], path: KeyPath) -> None:

@@ -7,7 +7,7 @@
     joint.txt          per joint node     id x y z [joint]       also with n = 0, the first call
 
 ``own`` is 0 where the case has none of the program's own loads, t where it has those of load step
-t. Of a nonlinear program the cases of a call are load steps, each from the end of the one before.
+t.
 Numbers are separated by blanks and have 17 digits; ids are the program's own. What it prints is
 quoted where it fails.
 """
@@ -80,7 +80,7 @@ class ProgramRuns:
         forces : (cases, 3n)
         folder : where the program is started, and what it leaves stays; none: one that goes again
         """
-        together = len(own) if self.part.nonlinear or folder else max(1, LINES // max(1, len(ids)))
+        together = len(own) if folder else max(1, LINES // max(1, len(ids)))
         found = []
         for first in range(0, len(own), together):
             chosen = slice(first, first + together)

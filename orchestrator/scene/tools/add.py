@@ -19,7 +19,7 @@ import numpy as np
 
 from orchestrator.config.boundary import Entry
 from orchestrator.config.tools import PLACE, Tool
-from orchestrator.errors import InputError, KeyPath, Problems
+from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.body import Divided
 from orchestrator.scene.conditions.ground import add_layers, Layer
 from orchestrator.scene.conditions.selection import volumes_named

@@ -10,7 +10,7 @@ linear as its matrix.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -65,19 +65,10 @@ class DeckCode(ForeignCode):
         k = springs_of(S, free)
         M = S + np.diag(k)
         steps = len(self.settings.factors)
-        if part.loads and part.nonlinear and set(self.settings.factors) != {1.0}:
-            raise self.wrong("history",
-                             f"'{name}': a history of loads that act on matter that flows",
-                             "the loads of each load step in a file of its own",
-                             "write loads: [first.inp, second.inp, …]")
         if part.loads and len(part.loads) not in (1, steps):
             raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps",
-                             "one file for all load steps, or one for "
-                             "each", "write one for each" if part.nonlinear
-                             else "let history multiply a single one")
-        if part.nonlinear:
-            return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))),
-                             part_on_joints.error)
+                             "one file for all load steps, or one for each",
+                             "let history multiply a single one")
         b = np.array([M @ runs.static(k, case) for case in runs.cases]) if part.loads else np.zeros(
             (1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
@@ -85,59 +76,30 @@ class DeckCode(ForeignCode):
             self._probe(runs, M, k, own, case)
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
-    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from
-        the beginning.
-        """
-        joints = self.condensed().joints
-        with self._runs(joints) as runs:
-            return self._replayed(runs, springs, forces)[joints.ids
-                                                         - 1].ravel() * ~joints.held.ravel()
-
     @contextmanager
     def _runs(self, joints: Joints) -> Iterator[DeckRuns]:
         with temporary() as folder:
             yield DeckRuns(self.settings.part, self.settings.place, joints, folder)
 
-    def _replayed(self, runs: DeckRuns, springs: np.ndarray,
-                  forces: Sequence[np.ndarray]) -> np.ndarray:
-        free = ~runs.joints.held.ravel()
-        try:
-            u = runs.replayed(springs * free, [own * free for own in forces])
-        except Refused as error:
-            raise BlackBoxError(
-                f"load step {len(forces)}: {error} (where it does not converge: smaller load "
-                "steps)",
-                                self.settings.name) from error
-        if not np.isfinite(u).all():
-            raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite",
-                                self.settings.name)
-        return u
-
     def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
         """Fields on the deck's own mesh, see ``ForeignCode``: S u − b act on its joints, and
-        springs k on them are held by k u. What loads
-        inside do and what the joints do are superposed: a run for each file of loads, and one for
-        each load step. Where matter flows,
-        load steps are replayed under the forces of the interfaces."""
+        springs k on them are held by k u. What loads inside do and what the joints do are
+        superposed: a run for each file of loads, and one for each load step.
+        """
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
-        k, flows = springs_of(part.stiffness, part.free), self.settings.part.nonlinear
-        if not flows:
-            force = (u.reshape(steps, -1) @ part.stiffness - self.loads()).reshape(u.shape)
+        k = springs_of(part.stiffness, part.free)
+        force = (u.reshape(steps, -1) @ part.stiffness - self.loads()).reshape(u.shape)
         asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
         with self._runs(joints) as runs:
             ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
-            if flows:
-                found = np.stack([self._replayed(runs, k, asked[: t + 1]) for t in range(steps)])
-            else:
-                own = [runs.everywhere(k, case) for case in runs.cases]
-                found = np.stack([runs.everywhere(k, None, one * (k > 0)) for one in asked])
-                for t, factor in enumerate(self.settings.factors if own else ()):
-                    found[t] += factor * own[t if len(own) > 1 else 0]
+            own = [runs.everywhere(k, case) for case in runs.cases]
+            found = np.stack([runs.everywhere(k, None, one * (k > 0)) for one in asked])
+            for t, factor in enumerate(self.settings.factors if own else ()):
+                found[t] += factor * own[t if len(own) > 1 else 0]
         left, size = np.abs(found[:, joints.ids - 1] - u)[:,
                                                           ~joints.held].max(), np.abs(
                                                               found[:, ids - 1]).max()
-        if not flows and not left <= LINEAR * size:
+        if not left <= LINEAR * size:
             raise BlackBoxError(
                 f"its last run moves the joints otherwise than the result, by {left / size:.1e} of "
                 "the largest displacement: initial stresses, or a deck that has changed since",

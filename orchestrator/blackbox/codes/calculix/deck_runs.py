@@ -8,7 +8,6 @@ import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +25,6 @@ JOB = "orchestrator-job"
 NAMED = "orchestrator-file-{}.inp"  # the deck and its files of loads, in their order
 # CalculiX stores no stiffness unless some matter has a mass; of this one nothing is made.
 DENSITY = "*MATERIAL,NAME=ORCHESTRATOR\n*ELASTIC\n1.,0.\n*DENSITY\n1.\n"
-# Of residual forces and corrections, relative: half a per cent, as is usual, would be a thousand
-# times what is iterated away.
-EXACT = "*CONTROLS,PARAMETERS=FIELD\n1.E-11,1.E-11,,,1.E-11\n"
 PATIENCE = 3600.0  # seconds for a run
 
 
@@ -46,7 +42,7 @@ class DeckRuns:
 
     def __init__(self, part: DeckPart, path: KeyPath, joints: Joints, folder: Path):
         self.part, self.path, self.joints, self.folder = part, path, joints, folder
-        self.deck = Deck(Path(part.calculix), path, part.nonlinear)
+        self.deck = Deck(Path(part.calculix), path)
         try:
             self.code = CalculiX()
         except InputError as error:
@@ -119,22 +115,6 @@ class DeckRuns:
             text += self._including(loads)
         text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
         return self._moved(text + "*END STEP\n")
-
-    def replayed(self, k: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(nodes, 3) displacements after load steps, one after the other from the beginning, each
-        with its forces (3n,) on the
-        joints and its file of loads, if there are any. One increment each: with several, answers
-        depend on the way there."""
-        files, text = self.part.loads or [], self._included() + self.springs(k)
-        for t, own in enumerate(forces):
-            text += "*STEP\n" + ("*RESTART,WRITE\n" if t == len(forces) - 1
-                                 else "") + EXACT + "*STATIC,DIRECT\n1.,1.\n"
-            # all forces of the step before go; those of the joint come first, the loads' own add to
-            # them
-            text += "*CLOAD,OP=NEW\n" + self._forces(own)
-            text += self._including(Path(files[t if len(files) > 1 else 0])) if files else ""
-            text += "*END STEP\n"
-        return self._moved(text)
 
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
