@@ -110,7 +110,6 @@ ON_FACES = Registry({
     "traction": "orchestrator.scene.loads.forces:Traction",
     "pressure": "orchestrator.scene.loads.forces:Pressure",
     "resultant": "orchestrator.scene.loads.forces:Spread",
-    "hydrostatic": "orchestrator.scene.loads.forces:Liquid",
     "foundation": "orchestrator.scene.loads.grounds:Bedding",
     "coupling": "orchestrator.scene.loads.grounds:Remote",
 })

@@ -52,7 +52,7 @@ CASES = {
         "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0, "expansion": 1e-5}], "histories": {"up": [1, 0.5, 0], "down": [0, 1, 1]},
         "boundary": [{"on": "xmin", "symmetry": True}, {"on": {"plane": "y", "at": 0}, "displacement": [None, 0, 0]},
                      {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "pressure": 3.0, "history": "up"},
-                     {"on": "xmax", "hydrostatic": {"level": 0.7, "weight": 4.0}, "history": "down"},
+                     {"on": "xmax", "pressure": {"at": [0, 0, 0.7], "gradient": [0, 0, -4.0]}, "history": "down"},
                      {"on": "ymax", "traction": [[1, 2, 3], [0, 0, 1], [1, 2, 4]]},
                      {"on": "zmax", "resultant": {"force": [1, 2, -3], "moment": [0, 1, 2], "about": [0, 0, 1]}, "history": "up"}],
         "loads": [{"gravity": [0, 0, -1], "history": "up"}, {"temperature": {"at": [0, 0, 1], "gradient": [2, 1, 3]}, "history": "down"}],

@@ -72,10 +72,6 @@ def test_motions_that_contradict_a_support_are_told():
 WRONG = {
     "no density": (problem([HELD], [{"gravity": [0, 0, -9.81]}], materials=[{"young": 1.0, "poisson": 0.3}]),
                    ("loads", 0, "gravity"), "materials[0]"),
-    "dry": (problem([HELD, {"on": "xmax", "hydrostatic": {"level": -1, "weight": 1.0}}]), ("boundary", 1, "hydrostatic"),
-            "above the level"),
-    "no way up": (problem([HELD, {"on": "xmax", "hydrostatic": {"level": 1, "weight": 1.0, "up": [0, 0, 0]}}]),
-                  ("boundary", 1, "hydrostatic", "up"), "a direction"),
     "two kinds of load": (problem([HELD], [{"gravity": [0, 0, -9.81], "body_force": [0, 0, 1.0]}]), ("loads", 0, "body_force"),
                           "together"),
     "nothing": (problem([HELD, {"on": "xmax", "resultant": {"about": [0, 0, 0]}}]), ("boundary", 1, "resultant"), "neither"),

@@ -56,10 +56,9 @@ def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
     if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
            for e in data.get("interfaces", [])) or any(e.get("pairing") or e["law"] == "cohesive" for e in data.get("interfaces", [])) or tools(data):
         return None
-    # contact opens, bolts pull, turning bodies are pulled out, liquids push
+    # contact opens, bolts pull, turning bodies are pulled out
     one_way = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", [])) or (
-        "bolts" in data or any("spin" in e for e in data.get("loads", []))
-        or any("hydrostatic" in e for e in data["boundary"]))
+        "bolts" in data or any("spin" in e for e in data.get("loads", [])))
     factor = float(rng.choice([0.01, 3.0, 50.0] if one_way else [0.01, 3.0, -1.0]))
     return Variant(loaded(data, factor), factor=factor, force=1.0)
 

@@ -107,7 +107,7 @@ def _boundary(draw, found: list[Body], unit: float, timed: dict, words: set[str]
     free.pop((id(first), face), None)
     result = [{"on": first.surface(face), "displacement": [0.0, 0.0, 0.0]}]
     kinds = ["traction"] * 3 + ["displacement"] * 3 + ["held", "partly", "pressure", "linear pressure", "resultant", "motion", "symmetry",
-                                                       "foundation", "rigid coupling", "distributed coupling", "frame", "hydrostatic"]
+                                                       "foundation", "rigid coupling", "distributed coupling", "frame"]
     for _ in range(draw(st.integers(1, 3))):
         if not free:
             break
@@ -146,10 +146,6 @@ def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, len
         return {"pressure": stress * draw(st.sampled_from([1.0, 0.2, -0.3]))}
     if kind == "linear pressure":
         return {"pressure": {"value": stress, "at": centre, "gradient": _vector(draw, 0.3 * stress / unit)}}
-    if kind == "hydrostatic":
-        up = draw(st.sampled_from("xyz"))
-        level = centre["xyz".index(up)] + draw(st.sampled_from([extent, 0.0]))
-        return {"hydrostatic": {"level": level, "weight": 0.3 * stress / unit, "up": up}}
     if kind == "resultant":
         return {"resultant": {"force": _vector(draw, stress * unit**2), "moment": _vector(draw, 0.3 * stress * unit**3)}}
     if kind == "motion":

@@ -1,10 +1,6 @@
-"""Forces on faces, ``traction``, ``pressure``, ``hydrostatic`` and ``resultant``; and in volumes,
+"""Forces on faces, ``traction``, ``pressure`` and ``resultant``; and in volumes,
 ``body_force``, ``gravity``, an acceleration times the density of matter, and ``spin``, the
 centrifugal force ρ ω² r of a steady rotation, r from the axis; linear on every tet.
-
-A liquid's pressure γ (level − x·up) acts on what is below its level. It is linear in space where a
-face is wet, so that the forces are exact on faces that the level runs through, too: of the piece at
-the corner that lies alone on its side, wet or dry, they are integrals of polynomials.
 
 A force F and a moment M about a point p become t = F / A + ω × (x − c), c the centre of the area A,
 with ω from J ω = M + (p − c) × F and J = ∫ |r|² I − r rᵀ, r = x − c: the one whose resultant and
@@ -19,12 +15,12 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from orchestrator.config.base import Axis, either, one_or_per_step, Part, Positive, unit, Vector
+from orchestrator.config.base import Axis, either, one_or_per_step, Part, unit, Vector
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.scene.loads.base import Forces, VolumePlace, Kind, FacePlace
 from orchestrator.scene.mesh.geometry import area_vectors, areas
-from orchestrator.scene.mesh.quadratic import (DEGREE_4, six_functions, TET_MOMENTS, TET_SHARES,
-                                               TRIANGLE_MOMENTS, TRIANGLE_SHARES)
+from orchestrator.scene.mesh.quadratic import (TET_MOMENTS, TET_SHARES, TRIANGLE_MOMENTS,
+                                               TRIANGLE_SHARES)
 
 
 class Traction(Kind):
@@ -72,70 +68,9 @@ class Pressure(Kind):
         there = np.full(corners.shape[:2],
                         float(value)) if not isinstance(value, LinearPressure) else \
             value.value + (corners - np.array(value.at)) @ np.array(value.gradient)
-        return against_normal(there @ TRIANGLE_MOMENTS[where.triangles.shape[1]].T, where)
-
-
-def against_normal(weights: np.ndarray, where: FacePlace) -> Forces:
-    """The forces of a pressure, from its integrals (k, 3 or 6) with the shape functions, over the
-    area of each face.
-    """
-    return Forces(where.factors[:, None, None], -weights[None, :, :, None]
-                  * area_vectors(where.nodes, where.triangles)[:, None])
-
-
-class Hydrostatic(Part):
-    """A liquid at rest that stands at a level."""
-
-    level: float = Field(
-        description="coordinate of the liquid's surface along `up`, from the origin")
-    weight: Positive = Field(
-        description="force per volume of the liquid, its density times gravity (water in N and "
-                    "mm: 9.81e-6)")
-    up: Axis = Field("z", description="x, y, z, or a direction [x, y, z]: against gravity")
-
-
-class Liquid(Kind):
-    takes = Hydrostatic
-    meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
-    axes = (("up",),)
-
-    @classmethod
-    def made(cls, value: Hydrostatic, where: FacePlace) -> Forces:
-        depth = value.level - where.corners @ np.array(unit(value.up))
-        if len(depth) and not (depth > 0).any():
-            where.problems.add(where.path,
-                               f"faces that are all above the level, by {-depth.max():.6g} at "
-                               "least",
-                               "a level above some of the faces",
-                               "raise level, or turn up to look against gravity")
-        return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
-
-
-def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
-    """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their
-    areas.
-
-    depth : (k, 3) at the corners, linear between
-    nodes : 3 or 6 per triangle
-    """
-    wet = depth > 0
-    count = wet.sum(axis=1)
-    result = np.where(count[:, None] >= 2, depth @ TRIANGLE_MOMENTS[nodes].T, 0.0)
-    cut = np.flatnonzero((count == 1) | (count == 2))
-    alone = (wet[cut] == (count[cut] == 1)[:, None]).argmax(axis=1)
-    # of the corners, from the one that is alone on its side of the level
-    order = (alone[:, None] + np.arange(3)) % 3
-    d = np.take_along_axis(depth[cut], order, axis=1)
-    reach = d[:, :1] / (d[:, :1] - d[:, 1:])  # share of the two edges from it, up to the level
-    weights, within = DEGREE_4
-    along = within[None, :, 1:] * reach[:, None]
-    at = np.zeros((len(cut), len(within), 3))
-    there = np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2)
-    np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), there, axis=2)
-    piece = np.einsum("q,kqa,q,k->ka", weights, at if nodes == 3 else six_functions(at),
-                      within[:, 0], d[:, 0] * reach.prod(axis=1))
-    result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
-    return result
+        weights = there @ TRIANGLE_MOMENTS[where.triangles.shape[1]].T
+        return Forces(where.factors[:, None, None], -weights[None, :, :, None]
+                      * area_vectors(where.nodes, where.triangles)[:, None])
 
 
 class Resultant(Part):
