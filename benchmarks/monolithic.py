@@ -26,8 +26,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from benchmarks.kit.elasticity import stiffness
-from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, mirrored
 from orchestrator import Scene
 
 OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3

@@ -19,7 +19,7 @@ from orchestrator.accuracy.passes import GOOD, Pass, tightest
 from orchestrator.config.load import Loaded, config_from
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import BlackBoxError, InputError
-from orchestrator.results.fields.npz import read_npz
+from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.results.summary.lines import summary_rows

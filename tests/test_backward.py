@@ -20,7 +20,7 @@ from orchestrator.method.increments import iterate
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.iterated import load_cases
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.npz import read_npz
+from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows

@@ -24,7 +24,7 @@ from yaml_case import call
 import orchestrator
 from orchestrator import build_scene
 from orchestrator.errors import InputError
-from orchestrator.results.fields.npz import read_npz
+from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import page
 from orchestrator.scene.mesh.readers import child

@@ -16,7 +16,7 @@ from in_process import IN_PROCESS
 from ruamel.yaml import YAML
 from yaml_case import call
 
-from orchestrator.blackbox.transport.algebra import AlgebraWorker
+from orchestrator.blackbox.transport.runs import AlgebraWorker
 from orchestrator.blackbox.codes.calculix.deck import DeckCode
 from orchestrator.blackbox.codes.parts import finish_parts
 from orchestrator.blackbox.codes.parts import ProgramCode

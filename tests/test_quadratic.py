@@ -12,9 +12,8 @@ from quadratic_case import assemble_ten, with_middles
 from quick import quick
 
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.fields import Fields, read_npz
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import results_case as case
 
-from orchestrator.results.figures.charts import convergence, time_per_stage, tolerance
+from orchestrator.results.figures.figures import convergence, time_per_stage, tolerance
 from orchestrator.results.summary.summary import STAGES, View
 
 BONDED = {"error_bound": "error bound", "residual": "residual ‖Δs‖", "indicator": "indicator η, a squared ratio",

@@ -11,9 +11,8 @@ import results_case as case
 
 from orchestrator.errors import InputError
 from orchestrator.scene import elasticity as recovery
-from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.fields import Fields, read_npz
 from orchestrator.results.fields.files import write_fields, write_vtu
-from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import shape_gradients
 

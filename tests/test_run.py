@@ -25,7 +25,7 @@ from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.events import HISTORY_COLUMNS
-from orchestrator.results.figures.charts import convergence
+from orchestrator.results.figures.figures import convergence
 from orchestrator.results.figures.plotting import BLUE, png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution

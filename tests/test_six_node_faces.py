@@ -8,8 +8,7 @@ import pytest
 from in_process import IN_PROCESS
 
 from orchestrator import build_scene, config_from, solve
-from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, mirrored, node_normals
 
 sys.path.append(str(Path(__file__).parents[1] / "meshes"))
 from hertz import LENGTH, RADIUS, cylinder_on_block, write

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from benchmarks.studies.prediction import macro_of, touches
 from orchestrator.method.interface import spread
-from orchestrator.parallel.placement import owners
+from orchestrator.parallel.numbering import owners
 from orchestrator.launch import join
 from orchestrator.parallel.team import Team
 

@@ -38,9 +38,9 @@ from orchestrator.method.sparse.symmetric import by_cholesky
 from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import RankPart, make_soles_of
-from orchestrator.parallel.placement import Placement
+from orchestrator.parallel.numbering import Placement
 from orchestrator.parallel.team import ALONE
-from orchestrator.results.answers import INTERFACES, interface_table
+from orchestrator.results.probes import INTERFACES, interface_table
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.part import overview, part_of
 

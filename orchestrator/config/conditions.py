@@ -2,21 +2,26 @@
 histories.
 
 Rules for what is asked of the solution: accuracy, probes.
+
+``output.probes``: values that are asked of the solution. A kind brings the model of its own
+entries, which a key tells that it alone has; none is known here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from orchestrator.config.base import no_direction
+from pydantic import Field
+
+from orchestrator.config.base import ByKey, Name, no_direction, Part
 from orchestrator.config.boundary import Entry
 from orchestrator.config.mesh import KINDS
-from orchestrator.config.paths import (called_twice, codes, entries, find, get, is_number,
-                                       is_per_step, is_vectors, law_of, shown)
+from orchestrator.config.paths import (
+    called_twice, codes, entries, find, get, is_number, is_per_step, is_vectors, law_of, shown)
 from orchestrator.config.tools import LISTED, PLACE
 from orchestrator.errors import dotted, KeyPath, Problem
-from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
+from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES, PROBES
 
 
 ACTING = {"boundary": ON_FACES, "loads": IN_VOLUMES}
@@ -188,3 +193,19 @@ def planes_have_points(data: Any) -> Iterator[Problem]:
             if isinstance(cut.get("plane"), list) and is_number(cut.get("at")):
                 yield Problem((*path, "at"), shown(cut["at"]),
                               "a point on the plane, beside a direction", "write at: [x, y, z]")
+
+
+Quantity = Literal["displacement", "stress"]
+
+
+class ProbeEntry(Part):
+    """Keys that the entries of all kinds understand."""
+
+    name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] | None = Field(None, description=(
+        "in the results; none: probe_1, probe_2, … by its place in the list"))
+    part: Name | None = Field(None, description=(
+        "name of the volume or body that is meant, shell wildcards allowed; none: whichever is "
+        "there"))
+
+
+Probes = list[ByKey(ProbeEntry, PROBES, "on").mapping]

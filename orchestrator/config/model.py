@@ -14,7 +14,7 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
 from orchestrator.config.mesh import MaterialEntry, MeshEntry, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
-from orchestrator.config.probes import ProbeEntry, Probes
+from orchestrator.config.conditions import ProbeEntry, Probes
 from orchestrator.config.tools import Tool
 from orchestrator.registry import FOREIGN
 

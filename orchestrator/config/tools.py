@@ -56,8 +56,8 @@ class Cylinder(Frame):
 
 
 class Tool(Part):
-    """A rigid body without a mesh: one of plane, sphere and cylinder, and how it moves or what pushes
-    it.
+    """A rigid body without a mesh: one of plane, sphere and cylinder, and how it moves or what
+    pushes it.
     """
 
     plane: Plane | None = Field(None, description="{at: [x, y, z], normal: z}")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.results.fields.npz import read_npz
+from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.summary.summary import quantities, read_summary, View
 from orchestrator.scene.inspection import columns
 

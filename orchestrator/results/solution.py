@@ -22,14 +22,13 @@ from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.met import Met
-from orchestrator.results.answers import Rows, read_tables, tables_of
+from orchestrator.results.probes import (
+    at_points, read_paths, read_probes, read_tables, Reader, Rows, tables_of)
 from orchestrator.results.extremes import extremes, peak
-from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.fields import Fields, read_npz
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
-from orchestrator.results.probes import at_points, read_paths, read_probes, Reader
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.summary import known, read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all

@@ -16,7 +16,7 @@ from pydantic import Field, SerializeAsAny
 
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.start import find_codes
-from orchestrator.blackbox.transport.algebra import AlgebraWorker
+from orchestrator.blackbox.transport.runs import AlgebraWorker
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.config.base import as_list
 from orchestrator.config.blackbox import CodeSettings

@@ -22,8 +22,8 @@ from orchestrator.method.interface.point_traces import (
 from orchestrator.method.interface.rows import bounds_of
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
-from orchestrator.scene.interfaces.upright import mirrored, within
-from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_vectors, unit
+from orchestrator.scene.mesh.geometry import (
+    area_vectors, mirrored, node_areas, node_vectors, unit, within)
 from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene

@@ -18,8 +18,7 @@ import numpy as np
 from orchestrator.blackbox.codes.parts import OwnFields
 from orchestrator.method.delivery.interface_fields import SHIFTS
 from orchestrator.registry import GROUND, LAWS
-from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.npz import NAME, write_npz
+from orchestrator.results.fields.fields import Fields, NAME, write_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.elasticity import principal, von_mises
 

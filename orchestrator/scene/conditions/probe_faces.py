@@ -12,7 +12,7 @@ from pydantic import Field
 
 from orchestrator.config.base import unit, Vector
 from orchestrator.config.boundary import Cut, Where
-from orchestrator.config.probes import ProbeEntry, Quantity
+from orchestrator.config.conditions import ProbeEntry, Quantity
 from orchestrator.errors import InputError, some
 from orchestrator.scene.conditions.probes import Probe
 from orchestrator.scene.conditions.selection import select

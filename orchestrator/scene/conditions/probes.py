@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Vector
-from orchestrator.config.probes import ProbeEntry, Quantity
+from orchestrator.config.conditions import ProbeEntry, Quantity
 from orchestrator.errors import some
 from orchestrator.scene.mesh.geometry import format_point
 

@@ -36,8 +36,7 @@ from orchestrator.scene.interfaces.mortar.operators import (
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
-from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors, node_vectors, unit
+from orchestrator.scene.mesh.geometry import area_vectors, mirrored, node_vectors, unit
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES
 
 

@@ -47,8 +47,7 @@ import scipy.sparse as sp
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.upright import UPRIGHT
-from orchestrator.scene.mesh.geometry import rounding, skew, unit
+from orchestrator.scene.mesh.geometry import rounding, skew, unit, UPRIGHT
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 

@@ -20,9 +20,8 @@ from orchestrator.scene.interfaces.mortar.duals import FULL, Multiplier, Weights
 from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
 from orchestrator.scene.interfaces.opposite import BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Surface
-from orchestrator.scene.interfaces.upright import mirrored
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, mirrored, node_vectors, unit
 from orchestrator.scene.mesh.faces import renumbered
-from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_vectors, unit
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES, TRIANGLE_SHARES
 
 
