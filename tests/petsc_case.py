@@ -21,7 +21,7 @@ def matrices(team) -> dict[str, np.ndarray]:
     right = np.random.default_rng(team.rank).standard_normal((2, len(number)))
     result = {}
     for name, least, engine in (("common", np.inf, spread.CommonBlocks), ("spread", 0, spread.SpreadBlocks)):
-        spread.SPREAD = least
+        team.shared_from = least
         factor = spread.SpreadFactor(lower, number, shared, team)
         assert type(factor._border) is engine
         result[name] = np.array([factor(right), factor(right)])
@@ -45,7 +45,7 @@ if __name__ == "__main__":
             if team.rank == 0:
                 np.savez(folder / f"rank-{rank}.npz", **found_there)
         for scene in SCENES:
-            for name, spread.SPREAD in (("common", np.inf), ("spread", 0)):
+            for name, team.shared_from in (("common", np.inf), ("spread", 0)):
                 answer = found(scene, team)
                 if answer is not None:
                     np.savez(folder / f"{scene}-{name}.npz", **answer)

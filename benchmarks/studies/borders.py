@@ -42,7 +42,7 @@ def part_of(side: int, team: Team) -> tuple[sp.csr_array, np.ndarray, np.ndarray
 
 def measure(side: int, engine: str, team: Team) -> dict[str, float]:
     """What the module tells, on every rank."""
-    spread.SPREAD = {"dense": np.inf, "petsc": 0}[engine]
+    team.shared_from = {"dense": np.inf, "petsc": 0}[engine]
     lower, number, shared = part_of(side, team)
     at = []
 

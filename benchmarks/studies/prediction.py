@@ -36,7 +36,7 @@ from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.sparse.symmetric import by_cholesky
 from orchestrator.linalg import dissection
-from orchestrator.method.interface.spread import SPREAD
+from orchestrator.parallel.team import Team
 from orchestrator.method.setup import RankPart, make_soles_of
 from orchestrator.parallel.numbering import Placement
 from orchestrator.parallel.team import ALONE
@@ -289,7 +289,7 @@ def ranks_of(costs: Costs, macro: MacroCosts, count: int) -> tuple[int, float, f
     each = min((side**3 for side in SIDES if side**3 <= count),
                key=lambda m: _total(_of_ranks(costs, macro, count, m, 1)))
     unknowns = _border(count, each)
-    return each, unknowns, 8e-9 * (unknowns if unknowns < SPREAD else _own(each)) ** 2
+    return each, unknowns, 8e-9 * (unknowns if unknowns < Team.shared_from else _own(each)) ** 2
 
 
 def _own(each: int) -> float:
@@ -304,7 +304,7 @@ def _border(count: int, each: int) -> float:
 
 def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple[float, float, float]:
     """Seconds to bring together the problem of the borders, to factorise it, and to solve it once."""
-    if border < SPREAD:
+    if border < Team.shared_from:
         cube, square = macro.border
         return 2 * 8 * border**2 / BANDWIDTH, cube * border**3, square * border**2 + 2 * 8 * border / BANDWIDTH
     more, faster = each ** (2 / 3), math.sqrt(ranks)  # unknowns to an interface, over those of the pattern that was measured; assumed
@@ -315,7 +315,7 @@ def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple
 def _rigid(macro: MacroCosts, count: int, each: float, ranks: float) -> tuple[float, float]:
     """Seconds to bring together and factorise the problem of repositioning, and to solve it once."""
     factorise, solve = (macro.at(f"rigid_{what}", count) for what in ("factorise", "solve"))
-    if RIGID * count < SPREAD or ranks <= 1:
+    if RIGID * count < Team.shared_from or ranks <= 1:
         alone = ranks <= 1
         return (factorise + (0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
                 solve + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH))

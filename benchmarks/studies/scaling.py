@@ -32,7 +32,7 @@ from benchmarks.studies.prediction import (
     ranks_of,
 )
 from orchestrator import config_from
-from orchestrator.method.interface.spread import SPREAD
+from orchestrator.parallel.team import Team
 
 ELEMENTS = 16  # along the side of a cube
 REPEATS = 3  # runs of which the least of each cost is taken for the prediction
@@ -194,9 +194,9 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         "They grow with the number of subdomains to the power " + ", ".join(
             f"{getattr(macro, q)[1]:.2f} ({q.replace('_', ': ').replace('rigid', 'repositioning')})"
             for q in ("factorise", "solve", "rigid_factorise", "rigid_solve")) +
-        f"; nested dissection would give 2 and 1.33 for many. Up to {SPREAD:,} unknowns n on the borders between ranks are a dense "
+        f"; nested dissection would give 2 and 1.33 for many. Up to {Team.shared_from:,} unknowns n on the borders between ranks are a dense "
         f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve. More are MUMPS's, which "
-        f"has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface; so it is with {SPREAD:,} "
+        f"has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface; so it is with {Team.shared_from:,} "
         "unknowns of repositioning, all of them MUMPS's.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         f"{TOLD * 1e6:g} µs of rank 0 for what each rank tells it in the end, "

@@ -17,11 +17,6 @@ from orchestrator.parallel.petsc import SpreadBlocks, shared_by
 from orchestrator.parallel.team import Team
 
 COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns are at hand
-# Unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and 13 s on
-# eight and four ranks instead of 28 and 20,
-# and 174 and 294 MB instead of 282 and 140; with 1,200 both take some seconds
-# (``benchmarks.studies.borders``).
-SPREAD = 5000
 
 
 class SpreadFactor:
@@ -79,7 +74,7 @@ def on_borders(block: np.ndarray, number: np.ndarray,
     """
     place, owned = places(number, team)
     total = int(owned.sum())
-    petsc = shared_by(team) if total >= SPREAD else None
+    petsc = shared_by(team) if total >= team.shared_from else None
     if petsc is not None:
         return SpreadBlocks(petsc, block, place, int(owned[team.rank]), team)
     whole = np.zeros((total, total), order="F")
@@ -102,7 +97,7 @@ def semidefinite(part: sp.csr_array, number: np.ndarray,
         return semidefinite_solver(part)
     place, owned = places(number, team)
     total = int(owned.sum())
-    if total >= SPREAD and (petsc := shared_by(team)) is not None:
+    if total >= team.shared_from and (petsc := shared_by(team)) is not None:
         try:
             return SpreadBlocks(petsc, regularised(part), place, int(owned[team.rank]), team)
         except RuntimeError:  # on all ranks alike: a pivot vanishes all the same
