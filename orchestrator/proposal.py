@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.fits import ClampingBolt, Fit, bolts, fits, round_faces
 from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
@@ -25,9 +26,6 @@ FARTHER = 1.3
 # Of what friction holds the pull that is proposed, in so many equal steps: it slips within the last
 # ones.
 PULL, STEPS, FRICTION = 1.2, 4, 0.15
-# An axis is one of the coordinates' whose cosine with it is off 1 by less: files have as many
-# digits.
-STRAIGHT = 1e-6
 # A shaft is thicker than its hole, rather than rounded, from this share of its radius on.
 DRAWN = 1e-5
 
@@ -193,7 +191,7 @@ def _cut(mesh: Mesh, faces: Faces, bolt: ClampingBolt) -> str:
         return ""
     point = shank.cut
     axis = int(np.abs(shank.axis).argmax())
-    if abs(shank.axis[axis]) > 1 - STRAIGHT:
+    if abs(shank.axis[axis]) > 1 - WRITTEN:
         return f", cut: {{plane: {'xyz'[axis]}, at: {point[axis]:.4g}}}"
     plane, at = (", ".join(f"{x:.4g}" for x in vector) for vector in (shank.axis, point))
     return f", cut: {{plane: [{plane}], at: [{at}]}}"

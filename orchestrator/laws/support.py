@@ -17,13 +17,11 @@ import numpy as np
 
 from orchestrator.laws.base import GroundLaw, Moves
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
+from orchestrator.rounding import WRITTEN
 
 SUPPORTED = Status(13, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 GUIDED = Status(14, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)
 CARRIED = Status(15, "carried along", "#F0E442", Hold.NEVER, Hold.ALWAYS)
-# of a direction, where the components that are not prescribed have no more of it: coordinates have
-# six digits
-NOTHING_LEFT = 1e-6
 # cosine between a direction and the normal, from which it is what keeps bodies from moving along
 # the normal
 UPRIGHT = 0.99
@@ -64,7 +62,7 @@ class Support(GroundLaw):
     def within(self, free: np.ndarray, moved: np.ndarray) -> Support:
         """Of a direction that lies in the others but for rounding nothing is left."""
         frame = np.where(free.T, self.frame, 0.0)
-        frame = np.where(np.linalg.norm(frame, axis=1, keepdims=True) > NOTHING_LEFT, frame, 0.0)
+        frame = np.where(np.linalg.norm(frame, axis=1, keepdims=True) > WRITTEN, frame, 0.0)
         return replace(self, frame=frame, given=self.given
                        - np.einsum("icn,nc->in", self.frame, moved))
 

@@ -12,15 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import wrong
 from orchestrator.optional import Late
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import components, runs
+from orchestrator.scene.model import Scene
 from orchestrator.timing import predicted_cost
 
 
@@ -167,10 +168,6 @@ def _met(asked: list[np.ndarray]) -> list[np.ndarray]:
     return [found[found[:, 0] == r, 1:].astype(float) for r in range(len(asked))]
 
 
-if TYPE_CHECKING:
-    from orchestrator.config.model import BlackBox
-    from orchestrator.scene.model import Scene
-
 pymetis = Late("pymetis")
 UNITS = 10_000  # METIS takes integers: the total cost in these units
 
@@ -210,7 +207,7 @@ def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
                   [int(i.free.sum()) for i in scene.interfaces], ranks)
 
 
-def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
+def with_workers(codes: Sequence[CodeSettings], team: Team) -> list[CodeSettings]:
     """Settings of codes, where ``workers: auto`` has become the number of cores that this rank may
     call its own.
     """

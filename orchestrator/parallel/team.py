@@ -28,8 +28,8 @@ class Team:
         counts as one message
     reductions : of these, sums and maxima over all ranks
     parted : whether a rank has failed: they work together no more
-    shared_from : unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and
-        13 s on eight and four ranks instead of 28 and 20, and 174 and 294 MB instead of 282 and
+    shared_from : unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9
+        and 13 s on eight and four ranks instead of 28 and 20, and 174 and 294 MB instead of 282 and
         140; with 1,200 both take some seconds (``benchmarks.studies.borders``)
     """
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.summary.summary import quantities, read_summary, View
+from orchestrator.rounding import PLACED
 from orchestrator.scene.inspection import columns
 
-ROUNDING = 1e-9  # relative; another number of ranks adds in another order
 FACTS = ("converged", "stop_reason", "load_steps")
 SHOWN = ("iterations", "error_bound", "discretisation_error")
 
@@ -85,7 +85,7 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Compa
     pairs = [(name, [getattr(view, name) for view in views]) for name in FACTS]
     rows = [Row(name, list(map(str, pair)), float(pair[0] != pair[1]), 0.0)
             for name, pair in pairs if pair != [None, None]]
-    allowed = max(ROUNDING, sum(_error(view, same) for view in views))
+    allowed = max(PLACED, sum(_error(view, same) for view in views))
     for name in found[0] | found[1]:
         both = [numbers.get(name, ("", None)) for numbers in found]
         kind, values = max(both[0][0], both[1][0]), [entry[1] for entry in both]

@@ -16,6 +16,7 @@ from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import BoundaryEntry, Scene
 from orchestrator.errors import some
+from orchestrator.rounding import PLACED
 
 # Units of length in m, and of force in N.
 LENGTHS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6,
@@ -27,7 +28,6 @@ FORCES = {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "GN": 1e9, "mN": 1e-3, "�
 # tell what may be meant.
 SOFTEST, SOFT, STIFFEST, METALS = 1e3, 2e9, 1.3e12, (1e10, 7e11)
 SOFT_RATIO = 0.35  # of matter that may be softer than that
-FLAT = 1e-9  # share of a force, along an axis, that is rounding
 
 
 def locking(scene: Scene) -> Iterator[str]:
@@ -84,7 +84,7 @@ def unloaded(scene: Scene) -> Iterator[str]:
             "other than zero; nothing will move")
     for entry in scene.boundary:
         largest = _largest(scene.mesh, entry)
-        acts = largest > FLAT * largest.max()
+        acts = largest > PLACED * largest.max()
         if acts.any() and scene.fixed[entry.nodes].all(axis=0)[acts].all():
             yield (
                 f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement "

@@ -6,10 +6,8 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 
 import numpy as np
 
-# Relative difference of coordinates and moduli that counts as none: the rounding of coordinates a
-# hundred times
-# larger than the part is less, what anyone would notice in a result is more.
-SAME = 1e-12
+from orchestrator.rounding import SAME
+
 # Clouds of points that are the same differ by less than this, relatively, in their distances from
 # their first point: by
 # at most SAME √(3n) extents, where the distances are some √n extents together.
@@ -87,6 +85,7 @@ def same_shapes(one: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
     if one.size and found.any():
         clouds = np.stack([other for other in others if other.shape == one.shape])
         apart = (one - one[:1]) - (clouds - clouds[:, :1])
+        # coordinates a hundred times larger than the part round by less; results by more
         found[found] = np.abs(apart).max(axis=(1, 2)) <= SAME * np.ptp(one, axis=0).max()
     return found
 

@@ -25,9 +25,8 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.linalg import svd
+from orchestrator.rounding import PLACED, WRITTEN
 
-# Facets whose normals differ by less than this from their mean make a plane surface.
-PLANE = 1e-6
 # Nodes lie on a cylinder or a sphere within this share of its radius: files have that many digits,
 # and nodes in the middle of
 # nothing curved are farther off.
@@ -73,7 +72,7 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     """The shape of triangles (k, 3 or 6), corners first, that have an area."""
     normals, each = facet_normals(nodes, triangles)
     mean = each @ normals / each.sum()
-    if np.abs(normals - mean).max() < PLANE:
+    if np.abs(normals - mean).max() < WRITTEN:
         return Shape("plane", mean, None, nodes[triangles[0, 0]])
     points = nodes[np.unique(triangles[:, :3])]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -101,7 +100,6 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
 FEWEST = 12  # nodes; a torus has seven unknowns
 STEPS = 8  # of Gauss and Newton, which doubles its digits in each
 ON = 1e-2  # of what facets are off the surface, how far nodes may be
-NONE = 1e-9  # a share of directions that is rounding
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ class Revolved:
         for _ in range(STEPS):
             distance, normal, slopes = now.at(x)
             slopes = np.hstack([-normal, cross(normal, x - now.centre), slopes])
-            step = np.linalg.lstsq(slopes, -distance, rcond=NONE)[0]
+            step = np.linalg.lstsq(slopes, -distance, rcond=PLACED)[0]
             axis = now.axis + cross(step[None, 3:6], now.axis[None])[0]
             now = replace(now, centre=now.centre + step[:3], axis=axis / np.linalg.norm(axis),
                           numbers=now.numbers + step[6:])
@@ -192,7 +190,7 @@ def recognised(x: np.ndarray, normals: np.ndarray,
     off : how far facets are off their surfaces
     """
     size = float(np.ptp(x, axis=0).max())
-    if len(x) < FEWEST or not off > NONE * size:
+    if len(x) < FEWEST or not off > PLACED * size:
         return None
     middle = x.mean(axis=0)
     scaled = (x - middle) / size
@@ -208,7 +206,7 @@ def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Revolved]:
     spheres, too.
     """
     share, directions = np.linalg.eigh(normals.T @ normals / len(normals))
-    if share[1] < NONE:
+    if share[1] < PLACED:
         return
     axis, plane = directions[:, 0], directions[:, 1:]
     middle, radius = through(x @ plane)
@@ -231,7 +229,7 @@ def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Revolved]:
 def _axis(x: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Direction and a point of the axis that the normals at nodes come nearest to meeting."""
     moments = cross(x, normals)
-    coupling = np.linalg.pinv(normals.T @ normals, rcond=NONE) @ normals.T @ moments
+    coupling = np.linalg.pinv(normals.T @ normals, rcond=PLACED) @ normals.T @ moments
     rest = moments - normals @ coupling
     axis = np.linalg.eigh(rest.T @ rest)[1][:, 0]
     return axis, np.cross(axis, -coupling @ axis)

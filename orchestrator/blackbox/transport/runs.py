@@ -24,6 +24,7 @@ from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BlackBoxError
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.checks import memory_left
 
 
@@ -125,9 +126,6 @@ class RunWorker(Worker):
             raise self.failure("solving failed",
                                BadReply("displacements are not finite", "the forces are not"), name)
         return answer
-
-
-PLACED = 1e-9  # of the joints' extent: nodes nearer than this are where they should be
 
 
 class AlgebraWorker(Worker):

@@ -32,6 +32,7 @@ from orchestrator.results.summary.cautions import cautions, of_unheld, tool_caut
 from orchestrator.results.summary.summary import place_text
 from orchestrator.results.summary.verdict import PRESSED
 from orchestrator.results.summary.workload import Spent, total
+from orchestrator.rounding import PLACED
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -176,9 +177,6 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
     return found | ({"bolts": met.bolts} if scene.bolts else {})
 
 
-CHANGED = 1e-9  # a load has changed by more than this share of its largest
-
-
 def contact_faces(scene: Scene, faces: Sequence[Face], names: Sequence[str],
                   reactions: np.ndarray) -> list[dict[str, Any]]:
     """For each face its names, lists over the load steps, and where it slips, see ``slip_load``.
@@ -222,7 +220,7 @@ def slip_load(scene: Scene, step: int, used: np.ndarray, normal: np.ndarray,
     # about the middle, (E, T, 2, 3)
     wrench = np.stack([force * size, moment - np.cross(0.5 * (low + high), force)], axis=2)
     least, changed = (
-        CHANGED * np.abs(wrench).max(initial=0.0), wrench[:, step] - wrench[:, step - 1])
+        PLACED * np.abs(wrench).max(initial=0.0), wrench[:, step] - wrench[:, step - 1])
     change = np.linalg.norm(changed, axis=(1, 2)) > least
     loads = change & [bool(entry.forces) for entry in scene.boundary]
     moved = change & [entry.prescribed is not None and bool(np.ptp(entry.prescribed.amounts))
@@ -237,7 +235,7 @@ def slip_load(scene: Scene, step: int, used: np.ndarray, normal: np.ndarray,
     upright = (way @ normal) * normal
     # what only presses the face, or tips it, does not slide it
     along = upright if couple else way - upright
-    way = along if np.linalg.norm(along) > CHANGED * np.linalg.norm(way) else way
+    way = along if np.linalg.norm(along) > PLACED * np.linalg.norm(way) else way
     load = whole @ (way / np.linalg.norm(way))
     before, now, growth = float(load[step - 1]), float(load[step]), 0.0
     if step > 1 and before != load[step - 2]:

@@ -21,10 +21,7 @@ from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
 from orchestrator.scene.interface import Interface
 from orchestrator.linalg import svd
-
-# singular value, over the largest, of directions that count as dependent: coordinates in files have
-# six digits
-DEPENDENT = 1e-6
+from orchestrator.rounding import WRITTEN
 
 
 @dataclass
@@ -98,7 +95,7 @@ def residual(direction: np.ndarray, value: np.ndarray, group: np.ndarray) -> np.
         (len(names), count.max(), len(value)))
     matrix[at], right[at] = direction[order], value[:, order].T
     span, values, _ = svd(matrix, full_matrices=False)
-    span = span * (values > DEPENDENT * values[:, :1])[:, None, :]
+    span = span * (values > WRITTEN * values[:, :1])[:, None, :]
     result = np.empty_like(value)
     result[:, order] = (right - span @ (span.transpose(0, 2, 1) @ right))[at].T
     return result

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems, some
+from orchestrator.rounding import SAME
 from orchestrator.scene.loads.base import FacePlace, Prescribed
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
@@ -25,9 +26,6 @@ from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.names import matching, suggestion
-
-# Two entries agree when their values differ by rounding only.
-SAME = 1e-12
 
 
 def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any],

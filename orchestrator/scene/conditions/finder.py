@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import InputError, KeyPath, Problems, wrong
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import barycentric
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.interface import Interface, ends_of
 from orchestrator.scene.names import matching, suggestion
 
-# A point counts as in a tet that it is outside of by rounding, in barycentric coordinates.
-INSIDE = 1e-9
 # On curved faces a point of the true surface lies beside the facets: taken to the nearest one
 # within this share of the
 # element's size, which facets of 40 degrees reach.
@@ -104,7 +103,7 @@ class Finder:
                 * size)
         cells, corners, size = cells[near], corners[near], size[near]
         weights, place = barycentric(corners, at), at
-        chosen = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= -INSIDE)
+        chosen = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= -PLACED)
         if len(cells) and not len(chosen):
             weights = np.maximum(weights, 0.0)
             weights /= weights.sum(axis=1, keepdims=True)

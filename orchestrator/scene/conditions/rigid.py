@@ -12,6 +12,7 @@ from orchestrator.scene.mesh.faces import by_label, components, Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.linalg import svd
+from orchestrator.rounding import WRITTEN
 
 RIGID = 6  # motions of a rigid body
 # Motions that move the prescribed components by less than this share of the body's size count as
@@ -21,8 +22,6 @@ HELD = 1e-8
 # there), and a
 # displacement over the body's size.
 ROTATION = DISPLACEMENT = 0.1
-# Nodes closer than this share of the mesh's size are said to coincide.
-TOUCHING = 1e-6
 # How bodies that are meshed apart are made one.
 JOINED = (
     "join it to them by an entry of interfaces, {between: auto, law: perfect}, which bonds faces "
@@ -213,7 +212,7 @@ def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
 
     nodes = np.concatenate(own)
     body = np.repeat(np.arange(len(own)), [len(o) for o in own])
-    reach = TOUCHING * mesh.diagonal
+    reach = WRITTEN * mesh.diagonal
     near = cKDTree(mesh.nodes[nodes]).query_pairs(reach, output_type="ndarray")
     near = near[(body[near[:, 0]] != body[near[:, 1]]) & (nodes[near[:, 0]] != nodes[near[:, 1]])]
     return np.bincount(body[np.unique(near)], minlength=len(own)).tolist()

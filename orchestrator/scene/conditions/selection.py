@@ -11,6 +11,7 @@ import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import KeyPath, Problems, some
+from orchestrator.rounding import SAME
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
@@ -22,8 +23,6 @@ from orchestrator.scene.names import matching, patterns_of, suggestion
 # more than a share of what the tet behind a face measures across: then the next face of a thin part
 # is as near.
 TOLERANCE, THICKNESS = 1e-6, 0.01
-# Of the mesh's diagonal: faces nearer than that are met exactly.
-EXACT = 1e-12
 
 
 def select(mesh: Mesh, faces: Faces, on: Any, path: KeyPath, problems: Problems) -> np.ndarray:
@@ -88,8 +87,8 @@ class Outside:
         near = np.flatnonzero((away <= TOLERANCE * size).all(axis=1))
         off, across = away[near].max(axis=1), np.ptp(
             mesh.nodes[mesh.cells[self.faces.owner[self.outer[near]], :4]], axis=1)[:, axes]
-        taken = (away[near] <= np.maximum(THICKNESS * across, EXACT * size)).all(axis=1)
-        exact = off <= EXACT * size
+        taken = (away[near] <= np.maximum(THICKNESS * across, SAME * size)).all(axis=1)
+        exact = off <= SAME * size
         if exact.any():
             taken &= exact | (off <= THICKNESS * np.median(across[exact].min(axis=1)))
         elif taken.any() and not taken.all():

@@ -26,15 +26,10 @@ from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.linalg import dissection, symmetric_lu
+from orchestrator.rounding import PLACED, SAME
 
-# A pivot below this share of its diagonal entry is rounding: what is eliminated there can move by
-# itself.
-PIVOT = 1e-12
 # Share of the diagonal that makes a pivot other than zero, where one is: rounding.
 LEAST = 1e-15
-# What a solution may leave of a right-hand side of order one, in units of what its terms add up
-# from.
-BACKWARD = 1e-9
 
 
 class JointElimination:
@@ -66,11 +61,11 @@ class JointElimination:
         L, U = (sp.csr_array(x) for x in (self.factor.L, self.factor.U))
         place = self.factor.perm_c[: self.count]
         if not np.array_equal(self.factor.perm_r, self.factor.perm_c) or \
-                not (loose or (U.diagonal()[place] > PIVOT * held.diagonal()[: self.count]).all()):
+                not (loose or (U.diagonal()[place] > SAME * held.diagonal()[: self.count]).all()):
             raise ZeroDivisionError  # a pivot that is no diagonal one was tiny, too
         right = np.random.default_rng(0).uniform(-1.0, 1.0, len(self.order))
         left = np.abs(held @ (found := self.factor.solve(right)) - right).max()
-        if not left <= BACKWARD * (held.diagonal().max() * np.abs(found).max() + 1.0):
+        if not left <= PLACED * (held.diagonal().max() * np.abs(found).max() + 1.0):
             raise ZeroDivisionError
         both = (L[rows][:, columns] @ U[rows][:, columns]).toarray()
         self._shifted = (both + both.T) / 2
@@ -100,13 +95,6 @@ DIGITS, WRONG = 1e-13, 3e-4
 # times the size of the faces
 # there (measured, .02 to 300 where they are): units that are mixed up make a thousand of it.
 OTHER_UNIT = 100.0
-# A stiffness against a rigid motion below this share of the largest entry is none: that of the end
-# of a slender part is 2e-4 of
-# it at a length of six sides, 6e-8 at two hundred.
-FREE = 1e-9
-# An eigenvalue this far below zero, in units of the largest, is no rounding either; times the share
-# above where that is more.
-NEGATIVE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -209,7 +197,9 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
         raise wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing",
                     "supports in the matrix or deck, or none "
                     "said", "write held: false, or put the supports in")
-    lost = max(FREE,
+    # against a rigid motion the end of a slender part has 2e-4 of the largest entry at a length of
+    # six sides, 6e-8 at two hundred
+    lost = max(PLACED,
                0.0 if error is None else 10 * float(np.abs(error).max(initial=0.0) / (size or 1.0)))
     if joints.left.shape[1] < 6 and (energies <= lost * size).sum() > joints.left.shape[1]:
         least = max(energies[0] / (size or 1.0), 0.0)
@@ -224,7 +214,7 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     off = np.abs(S).max(initial=0.0) * rounding if error is None else np.abs(error).max(initial=0.0)
     values = np.linalg.eigvalsh(S[np.ix_(free, free)])
     # of a random matrix, twice √n times its entries
-    if values[0] < -max(NEGATIVE * values[-1], 10 * off * np.sqrt(len(free))):
+    if values[0] < -max(PLACED * values[-1], 10 * off * np.sqrt(len(free))):
         raise wrong(path,
                     f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} "
                     f"beside {values[-1]:.3g}",

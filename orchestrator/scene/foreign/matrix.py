@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
+from orchestrator.rounding import PLACED, WRITTEN
 from orchestrator.scene.conditions.rigid import motions
 from orchestrator.scene.foreign.condensed import check_modulus, condense, Condensed, judged
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints
@@ -158,12 +159,8 @@ def _check_known(table: NumberTable, line: int, numbers: list[float], known: Con
                    "nodes of that table")
 
 
-# relative: what two halves of a symmetric matrix may differ by, six digits, rounded apart
-SYMMETRIC = 1e-6
 ENTRY = 24  # bytes: two places and a value
 SAMPLE = 2000  # entries whose digits are counted
-# Of forces in a row, relative: what rigid motions leave where nothing is held.
-STILL = 1e-9
 FULL = 15  # digits from which a double is written as it is, but for its last bits
 
 
@@ -187,7 +184,7 @@ def condensed(part: MatrixPart, path: KeyPath, name: str, steps: int,
     loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(
         part, ids, steps, path, name)
     apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
-    if apart > SYMMETRIC * size:
+    if apart > WRITTEN * size:
         raise wrong((*path, "stiffness"),
                     f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} "
                     "|K|", "a symmetric one",
@@ -212,8 +209,8 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
     terms = sp.csr_array((np.abs(K.data), K.indices, K.indptr), K.shape) @ np.abs(R)
     left = np.abs(K @ R) / np.where(terms > 0, terms, 1.0)
     of_node = left.reshape(len(points), 3, 6).max(axis=1)
-    bad = (of_node[:, :3].max(axis=1) <= max(STILL, 10 * rounding)) & (
-        of_node[:, 3:].max(axis=1) > 100 * max(STILL, 10 * rounding))
+    bad = (of_node[:, :3].max(axis=1) <= max(PLACED, 10 * rounding)) & (
+        of_node[:, 3:].max(axis=1) > 100 * max(PLACED, 10 * rounding))
     if bad.any():
         worst = np.where(bad, of_node[:, 3:].max(axis=1), 0).argmax()
         raise wrong(path,

@@ -15,12 +15,8 @@ from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 from orchestrator.linalg import svd
+from orchestrator.rounding import WRITTEN
 
-# Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
-PLANE = 1e-6
-# Triangles between nodes on a plane that are thinner than this share of their longest edge squared
-# lie along its border.
-THIN = 1e-6
 # Between nodes that are spread evenly triangles are at most this much larger than the smallest at
 # their corners: twice on
 # grids without the nodes in the middle of squares, three times on irregular ones. Above the second
@@ -47,7 +43,7 @@ def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath,
     """
     normal = outward / (np.linalg.norm(outward) or 1.0)
     off = np.abs((points - points.mean(axis=0)) @ normal).max()
-    if not np.linalg.norm(outward) or off > PLANE * size_of(points):
+    if not np.linalg.norm(outward) or off > WRITTEN * size_of(points):
         raise wrong(path,
                     f"nodes of '{name}' that are up to {off:.3g} off a plane across "
                     f"{outward.tolist()}",
@@ -84,13 +80,13 @@ def between_nodes(points: np.ndarray,
 
     flat = points @ svd(normal[None])[2][1:].T
     if len(points) < 3 or svd(flat - flat.mean(axis=0),
-                              full_matrices=False)[1][1] <= PLANE * size_of(points):
+                              full_matrices=False)[1][1] <= WRITTEN * size_of(points):
         return np.empty((0, 3), int), np.empty(0), np.empty(0)
     triangles = Delaunay(flat).simplices.astype(int)
     signed = area_vectors(points, triangles) @ normal
     longest = np.max([np.sum((points[triangles[:, i]] - points[triangles[:, i - 1]]) ** 2, axis=1)
                       for i in range(3)], axis=0)
-    there = np.abs(signed) > THIN * longest  # slivers along straight edges are rounding
+    there = np.abs(signed) > WRITTEN * longest  # slivers along straight edges are rounding
     triangles[signed < 0] = triangles[signed < 0][:, ::-1]
     triangles, area = triangles[there], np.abs(signed[there])
     least = np.full(len(points), np.inf)
@@ -144,11 +140,11 @@ def bare(points: np.ndarray, triangles: np.ndarray, others: np.ndarray, name: st
     """
     found, vectors = [], area_vectors(points, triangles)
     area, centres = np.linalg.norm(vectors, axis=1), points[triangles].mean(axis=1)
-    near = PLANE * size_of(points)
+    near = WRITTEN * size_of(points)
     left = np.ones(len(area), dtype=bool)
     for at in np.argsort(-area, kind="stable")[: int(4 / LARGE)]:
         normal, origin = vectors[at] / area[at], centres[at]
-        own = left & (vectors @ normal > (1 - PLANE) * area)
+        own = left & (vectors @ normal > (1 - WRITTEN) * area)
         own &= np.abs((centres - origin) @ normal) <= near
         left &= ~own
         covered = area[own].sum()

@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from orchestrator.rounding import PLACED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import COINCIDE, BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Skin, over
 from orchestrator.scene.mesh.faces import runs
 from orchestrator.scene.mesh.geometry import rounding
 
-ROUNDING = 1e-9  # share of the element size
-EDGE = 1e-9  # barycentric coordinates from which a ray meets a facet
 
 # Of facets i of one body and j of another, at barycentric coordinates (m, 3) of either, and what
 # is between their planes there (m,), a length: (m,) bool, whether another body is there.
@@ -33,7 +32,7 @@ def hidden(bodies: Sequence[BodyFaces], skins: Callable[[BodyFaces], Skin], one:
         bulge = over(mine.bulge[i], at)
         distance = distance - bulge - over(theirs.bulge[j], at_two)
         points = np.einsum("mk,mkc->mc", at, one.corners[i])
-        least = rounding(points, ROUNDING * one.size[i]) + mine.unsure[i] + theirs.unsure[j]
+        least = rounding(points, PLACED * one.size[i]) + mine.unsure[i] + theirs.unsure[j]
         apart = np.flatnonzero(distance > least)
         if not len(apart):
             return result
@@ -71,5 +70,6 @@ def _met(one: Triangles, i: np.ndarray, at: np.ndarray, third: Triangles, theirs
     met = np.einsum("mc,mkc->mk", point + way[:, None] * normal - corner, third.slopes[facet])
     met[:, 0] += 1.0
     way = way - bulge[ray] - over(theirs[facet], met)
-    before = (met > -EDGE).all(axis=1) & (way >= -behind[ray] - off[facet]) & (way < distance[ray])
+    before = (met > -PLACED).all(axis=1) & (way >= -behind[ray] - off[facet]) & (
+        way < distance[ray])
     return np.bincount(ray[before], minlength=len(i)) > 0

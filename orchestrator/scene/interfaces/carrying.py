@@ -23,6 +23,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH
@@ -34,9 +35,6 @@ from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
 Face = tuple[str, str, int]  # names of slave and master, and which of their smooth faces
 
-# Areas around a node that differ by less than this are alike: the first piece of an interface has
-# the point.
-ALIKE = 1e-6
 # Share of what two bodies have in common that may carry nothing without a word.
 LITTLE = 0.01
 
@@ -137,7 +135,7 @@ def _met(waiting: Sequence[Interface], group: Sequence[Face],
         for nodes in i.surfaces.overlapping if i.follows else i.surfaces.nodes:
             met[alike[frozenset(pair[:2])], nodes] = True
         nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
-        better = area > (1 + ALIKE) * covered[pair][nodes]
+        better = area > (1 + WRITTEN) * covered[pair][nodes]
         covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
         vectors[pair][nodes] += i.surfaces.vectors
     return leader, vectors, met.sum(axis=0) > 1

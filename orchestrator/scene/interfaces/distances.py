@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.rounding import PLACED
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.operators import covered_around, node_gaps
@@ -24,8 +25,6 @@ from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
 # Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.
 ROUNDING, TOLD = 1e-9, 1e-6
-# Normals of one plane face differ by rounding alone.
-PLANE = 1e-9
 # Share of what both have in common that is inside, from which it is meant.
 MANY = 0.1
 
@@ -165,7 +164,7 @@ def _curved(surfaces: Surfaces) -> bool:
     """Whether the slave's facets are not in one plane."""
     normal = unit(surfaces.vectors)
     normal = normal[normal.any(axis=1)]
-    return bool(np.abs(normal - normal[:1]).max(initial=0.0) > PLANE)
+    return bool(np.abs(normal - normal[:1]).max(initial=0.0) > PLACED)
 
 
 def around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
@@ -236,6 +235,6 @@ def _apart(parts: Parts, interface: Interface, points: np.ndarray) -> np.ndarray
                                    parts.numbering.nodes[parts.numbering.sides(interface)[1]]],
                                interface.triangles)
     normal = node_normals(points, interface.triangles)
-    if np.abs(normal - normal[0]).max() > PLANE:
+    if np.abs(normal - normal[0]).max() > PLACED:
         return np.zeros(len(points))
     return node_gaps(interface.surfaces, interface.surfaces.weights, normal)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.interfaces.carrying import give_operators
 from orchestrator.scene.interfaces.mortar.moving import paired_mortar
 from orchestrator.scene.interfaces.governing import govern
@@ -146,9 +147,6 @@ def _share(mesh: Mesh, numbering: SplitNumbering, pieces: list[Interface]) -> No
         i.normals = normals[own]
 
 
-ALONG = 1e-6  # share of the axis that a prescribed component may have
-
-
 def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Sequence[Any],
                factors: Sequence[Sequence[float]], problems: Problems) -> list[PlacedBolt]:
     """Give the interfaces at the cuts the law of their bolts.
@@ -202,7 +200,7 @@ def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt],
         i.normals = np.tile(axis, (len(i.global_nodes), 1))
         if bolt is None:
             others.append(PlacedBolt(i.name, i, axis, mesh.nodes[i.global_nodes].mean(axis=0)))
-        held = ~i.free & (np.abs(axis) > ALONG)
+        held = ~i.free & (np.abs(axis) > WRITTEN)
         if held.any():
             where = format_point(mesh.nodes[i.global_nodes[np.flatnonzero(held.any(axis=1))[0]]])
             problems.add(("interfaces", i.entry) if bolt is None else ("boundary",),

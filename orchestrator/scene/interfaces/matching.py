@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import (
@@ -27,7 +28,6 @@ from orchestrator.scene.mesh.geometry import unit
 DEEP = 0.5 * ROUND
 # Corners that are apart may miss each other sideways by this share of their distance: normals turn.
 ASIDE = 0.3
-ROUNDED = 1e-6  # of a thickness
 # The three ways in which corners of two opposite triangles, then the middles of their edges, can
 # belong together.
 TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
@@ -117,7 +117,7 @@ def back_to_back(one: Triangles, two: Triangles, i: np.ndarray, j: np.ndarray,
     if len(inside):
         result[inside] = True
         for body, own in ((one, i[inside]), (two, j[inside])):
-            result[inside] &= depth[inside] >= (1 - ROUNDED) * _thickness(body, own, depth[inside])
+            result[inside] &= depth[inside] >= (1 - WRITTEN) * _thickness(body, own, depth[inside])
     return result
 
 

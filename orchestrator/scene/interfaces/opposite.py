@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.rounding import SAME
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
@@ -19,9 +20,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 COINCIDE, TOUCHING, REACH = (ROUND * share for share in (1e-3, 0.1, 2.0))
 # Two faces are opposite when the cosine between their normals is below this.
 OPPOSITE = -0.7
-# A barycentric coordinate this small is zero: edges that lie upon each other must not cross for
-# rounding.
-SNAP = 1e-12
 # Far from the origin coordinates themselves are rounded: a few units in their last place.
 ROUNDING = 16 * np.finfo(float).eps
 # Pairs of facets worked on at once: some 12 MB.
@@ -87,7 +85,7 @@ class Triangles:
     @cached_property
     def snap(self) -> np.ndarray:
         """(k,) below this a barycentric coordinate is rounding."""
-        return np.maximum(SNAP, ROUNDING * np.abs(self.corners).max(axis=(1, 2))
+        return np.maximum(SAME, ROUNDING * np.abs(self.corners).max(axis=(1, 2))
                           * np.linalg.norm(self.slopes, axis=2).max(axis=1))
 
     def within(self, box: tuple[np.ndarray, np.ndarray], room: float) -> np.ndarray:
@@ -169,7 +167,7 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
     number = np.zeros(len(b), dtype=int)
     if spheres:
         near, room = near + one.radius[a], two.radius[b]
-        number = np.floor(np.log(room / room.min()) / np.log(CLASS) + SNAP).astype(int)
+        number = np.floor(np.log(room / room.min()) / np.log(CLASS) + SAME).astype(int)
     for each in np.unique(number):
         chosen = np.flatnonzero(number == each)
         far, tree = near + room[chosen].max(), cKDTree(y[chosen])

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.rounding import PLACED
 from orchestrator.scene.interfaces.opposite import Triangles
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
 from orchestrator.scene.mesh.faces import faces_of, renumbered
@@ -21,7 +22,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from
 # which it counts.
 AROUND, DEEP = 8, 0.1 * ROUND
-ROUNDING = 1e-9  # of barycentric coordinates
 
 
 @dataclass(frozen=True)
@@ -156,5 +156,5 @@ def contained(points: np.ndarray, solid: Solid) -> np.ndarray:
     tet, point = tet[inside], point[inside]
     result[
         point[barycentric(solid.nodes[solid.cells[tet, :4]], points[point]).min(axis=1)
-              >= -ROUNDING]] = True
+              >= -PLACED]] = True
     return result

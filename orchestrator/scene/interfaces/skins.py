@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.rounding import PLACED
 from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
 from orchestrator.scene.mesh.geometry import facet_normals, unit
@@ -32,9 +33,6 @@ SMOOTH = np.cos(np.deg2rad(55.0))
 # The same where they are known to be of one face without a crease: a circle may be as coarse as a
 # square's corners turn.
 SAME_FACE = np.cos(np.deg2rad(95.0))
-# Over this share of the square of its edges a facet's surface counts as plane: rounding of the
-# normals.
-PLANE = 1e-9
 # Where normals are means surfaces are known from their facets within this share of what they are
 # off them: facets' triangles lie as
 # they happen to. What is beside such a place and within the whole of it belongs to the same pair.
@@ -214,7 +212,7 @@ def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
     """
     edge, after = np.roll(points, -1, axis=1) - points, np.roll(at, -1, axis=1)
     off = np.einsum("kvi,kvi->kv", after - at, edge) / (4 + 2 * np.linalg.norm(after + at, axis=2))
-    return np.where(np.abs(off) > PLANE * np.linalg.norm(edge, axis=2), off, 0.0)
+    return np.where(np.abs(off) > PLACED * np.linalg.norm(edge, axis=2), off, 0.0)
 
 
 def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, face: np.ndarray,

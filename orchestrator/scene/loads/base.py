@@ -16,13 +16,13 @@ import numpy as np
 from orchestrator.config.base import no_direction
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem, Problems
+from orchestrator.rounding import SAME
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import summed
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS
 
 ROUNDING = 1e-14  # of the largest value, what sines and cosines leave of zero
-UNIFORM = 1e-12  # of the largest force/volume, what rounding makes corners differ by
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Forces:
         """
         at = np.einsum("cp,mkpx->mkcx", np.linalg.pinv(TET_MOMENTS[self.shapes.shape[2]]),
                        self.shapes) / volumes[:, None, None]
-        if np.ptp(at, axis=2).max(initial=0.0) <= UNIFORM * np.abs(at).max(initial=0.0):
+        if np.ptp(at, axis=2).max(initial=0.0) <= SAME * np.abs(at).max(initial=0.0):
             at = at.mean(axis=2, keepdims=True)
         return np.einsum("tmx,mkcx->tkcx", self.amounts + np.zeros(3), at + np.zeros(3))
 

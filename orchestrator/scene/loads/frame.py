@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.geometry import format_point, unit
-
-# distance from the axis, over the extent of the points, at which there is no radial direction
-NEAR = 1e-9
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Cylindrical:
         used = np.unique(triangles)
         arm = nodes[used] - self.at
         r = np.linalg.norm(np.cross(arm, self.axis), axis=1)
-        if r.min() <= NEAR * (r.max() or 1.0):
+        if r.min() <= PLACED * (r.max() or 1.0):
             problems.add(path,
                          "a node on the frame's axis, at "
                          f"{format_point(nodes[used[int(r.argmin())]])}, where nothing is radial",

@@ -15,6 +15,7 @@ from pydantic import Field as Key
 from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, unit, Vector
 from orchestrator.config.paths import free_at_times, rows_of, shown
 from orchestrator.errors import dotted, KeyPath, Problem
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.loads.base import (Field, Ground, Kind, FacePlace, Prescribed, ROUNDING,
                                            Uniform)
 from orchestrator.scene.loads.grounds import Springs
@@ -88,10 +89,6 @@ class Displacement(Kind):
         return Springs(np.where(fixed, np.inf, 0.0), values, where.frame)
 
 
-# how far a plane's normal may be from its axis: coordinates in files have that many digits
-STRAIGHT = 1e-6
-
-
 class Symmetry(Kind):
     takes = Literal[True]
     meaning = "true: held along the normal of a plane across an axis"
@@ -100,7 +97,7 @@ class Symmetry(Kind):
     def made(cls, value: Any, where: FacePlace) -> Prescribed:
         vectors = np.abs(area_vectors(where.nodes, where.triangles[:, :3]))
         axis = int(vectors.sum(axis=0).argmax())
-        if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
+        if not (np.delete(vectors, axis, axis=1) <= WRITTEN * vectors[:, axis, None]).all():
             where.problems.add((*where.path[:-1], "on"),
                                "a plane of symmetry that is curved, or across no axis",
                                "faces on a plane across x, y or z",

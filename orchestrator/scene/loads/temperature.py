@@ -20,6 +20,7 @@ from pydantic import Field
 
 from orchestrator.config.base import Name, Part, Vector, either
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
+from orchestrator.rounding import PLACED, WRITTEN
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import VolumePlace, Kind, Strain
 from orchestrator.scene.mesh.geometry import format_point, shape_gradients, summed, tet_volumes
@@ -32,8 +33,6 @@ from orchestrator.scene.number_table import NumberTable
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part
 # is as near.
 SAME_PLACE, OF_EDGE = 1e-5, 0.1
-ROUNDING = 1e-9  # over the same, what may lie between two rows that are written at one place
-SAME_WARMTH = 1e-6  # over the largest, what may lie between the temperatures of such rows
 
 
 class TemperatureField(Part):
@@ -143,11 +142,11 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
         return None
     # rows that are as near, but for the digits that coordinates are written with: any of them may
     # be meant
-    near = tree.query_ball_point(points, 2 * distance + ROUNDING * size)
+    near = tree.query_ball_point(points, 2 * distance + PLACED * size)
     counts = np.fromiter(map(len, near), int, len(near))
     start, chosen = np.r_[0, counts.cumsum()[:-1]], np.concatenate(near).astype(int)
     spread = np.abs(rows[chosen, 3:] - rows[np.repeat(nearest, counts), 3:]).max(axis=1)
-    if spread.max(initial=0.0) > SAME_WARMTH * np.abs(rows[:, 3:]).max():
+    if spread.max(initial=0.0) > WRITTEN * np.abs(rows[:, 3:]).max():
         worst = int(spread.argmax())
         at = int(np.searchsorted(start, worst, side="right")) - 1
         column = 3 + int(np.abs(rows[chosen[worst], 3:] - rows[nearest[at], 3:]).argmax())

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.rounding import PLACED, SAME, WRITTEN
 from orchestrator.scene.mesh.faces import LOCAL_FACES
 
 
@@ -176,17 +177,13 @@ def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return unit(result)
 
 
-# Coordinates that differ by less than this fraction of the points' extent count as equal.
-SAME_POSITION = 1e-9
-
-
 def position_rank(points: np.ndarray) -> np.ndarray:
     """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to
     units.
     """
     low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
     rank = np.empty(len(points), dtype=int)
-    rank[np.lexsort(np.rint((points - low).T[::-1] / extent / SAME_POSITION))] = np.arange(
+    rank[np.lexsort(np.rint((points - low).T[::-1] / extent / PLACED))] = np.arange(
         len(points))
     return rank
 
@@ -224,19 +221,12 @@ def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
     return float(sharp.min()), float(blunt.max())
 
 
-ROUNDED = 1e-12  # of the largest coordinate: shown as zero
-
-
 def format_point(point: np.ndarray) -> str:
     """Coordinates for a message: (1, 2.5, 0); what rounding leaves of a zero beside others is
     zero.
     """
-    least = ROUNDED * max((abs(float(x)) for x in point), default=0.0)
+    least = SAME * max((abs(float(x)) for x in point), default=0.0)
     return "(" + ", ".join(f"{float(x) if abs(x) > least else 0.0:.6g}" for x in point) + ")"
-
-
-# What is prescribed is taken out of a normal that keeps this much of its length.
-UPRIGHT = 1e-6
 
 
 def within(normal: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -248,7 +238,7 @@ def within(normal: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """
     inside = np.where(free, normal, 0.0)
     length = np.linalg.norm(inside, axis=1)
-    length = np.where((length > UPRIGHT) & ~free.all(axis=1), length, 1.0)
+    length = np.where((length > WRITTEN) & ~free.all(axis=1), length, 1.0)
     return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import barycentric, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh
@@ -31,9 +32,6 @@ REGULAR = 6 * np.sqrt(2)  # the cube of a regular tet's edge over its volume
 # Tets that gmsh makes, over as many regular ones as the sizes ask for: .65 at 700 elements to .46
 # at 80,000, even or graded, measured
 FOLLOWED = 0.55
-# gmsh's octree ends the program where a tet's middle is on one of its planes but for rounding:
-# nodes are moved by this share of the whole
-ASTRAY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,8 @@ class SizeMap:
 
     def apply(self) -> int:
         """A field of gmsh's that gives about as many tets, by its tag."""
-        astray = ASTRAY * np.ptp(self.nodes,
+        # gmsh's octree ends the program where a tet's middle is nearly on one of its planes
+        astray = PLACED * np.ptp(self.nodes,
                                  axis=0).max() * np.random.default_rng(0).uniform(
                                      -1.0, 1.0, self.nodes.shape)
         corners, size = (self.nodes + astray)[self.cells].transpose(0, 2, 1).reshape(

@@ -32,6 +32,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
@@ -126,7 +127,6 @@ def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
 
 CONTRAST = 10.0  # of moduli in one side's first row of cells
 SLENDER = 10.0  # largest over smallest extent
-SLACK = 1e-6  # of coordinates in files: bricks of exactly that shape count as slender
 # Copies of nearly incompressible ten-node tets resist by √(λ μ), so that √(μ/λ) of it is what the
 # softest of the subdomain's own
 # ways to move resist. With ν = .499, .045 of it, soft modes save 12 of 64 stages for 416
@@ -153,7 +153,7 @@ def difficulty(scene: Scene) -> Difficulty:
     yielding = largest > 0.5 / (1 + YIELDING**2)
     flowing = yielding if scene.mesh.cells.shape[1] == 10 else incompressible
     extents = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes)
-    slender = extents >= SLENDER * (1 - SLACK)
+    slender = extents >= SLENDER * (1 - WRITTEN)
     ours = ~scene.stand_ins  # thin layers that stand for something else bend nowhere
     bad = ((each | slender) & ours for each in (incompressible, flowing, yielding))
     return Difficulty(mixed, *bad, extents)

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.rounding import PLACED
 from orchestrator.scene.interfaces.distances import around
 from orchestrator.scene.interfaces.mortar.duals import multipliers
 from orchestrator.scene.interfaces.mortar.operators import COVERED
@@ -30,8 +31,6 @@ from orchestrator.scene.interface import Interface
 PASSES = 3
 # A cell keeps this share of its volume, or its nodes stay where they are.
 KEPT = 0.5
-# Nodes this near their place, in units of the facets around, are there.
-THERE = 1e-9
 # Facets that have been moved are still within the distance they were, and this share of their size.
 SLANTED = 0.1
 
@@ -71,7 +70,7 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
             at, own = at[moves], own[moves]
             moved[own] = where[at]
             close &= bool((np.linalg.norm(moved[own] - nodes[own], axis=1)
-                           <= THERE * here.size[at]).all())
+                           <= PLACED * here.size[at]).all())
         if close:
             break
         while (crushed := tet_volumes(moved, corners) < KEPT * before).any():

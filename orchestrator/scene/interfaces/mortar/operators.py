@@ -44,10 +44,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.rounding import SAME, WRITTEN
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import rounding, skew, unit, UPRIGHT
+from orchestrator.scene.mesh.geometry import rounding, skew, unit
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 
@@ -118,7 +119,7 @@ class Mortar:
         """(p, 3) where forces of points act that ``first``, or ``second`` without a link, spreads
         over the nodes (n, 3) of its side."""
         shares = scalar(operator)
-        return shares @ nodes / np.maximum(shares.sum(axis=1), ROUNDING)[:, None]
+        return shares @ nodes / np.maximum(shares.sum(axis=1), SAME)[:, None]
 
     @property
     def paired(self) -> bool:
@@ -141,9 +142,6 @@ class Mortar:
         return bool((own.row == own.col).all())
 
 
-# A point this near its image, in units of the facets around, is where it is but for rounding: no
-# link, no gap.
-ROUNDING = 1e-12
 TURNED = [0, 2, 1, 5, 4, 3]  # a facet's nodes, looked at from behind
 
 
@@ -176,7 +174,7 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     stands = sums @ weights.area
     seen = sums @ (weights.area[:, None] * _shortened(surfaces, normal) * normal)
     scaled = sp.kron(sp.diags_array(1 / stands) @ sums, np.eye(3))
-    upright = np.abs(np.where(held, normal, 0.0)).max(axis=1, keepdims=True) <= UPRIGHT
+    upright = np.abs(np.where(held, normal, 0.0)).max(axis=1, keepdims=True) <= WRITTEN
     gone = held & upright  # nodes on planes of symmetry, not under supports of the faces
     gone[points] = False
     own, other, facets = (
@@ -211,7 +209,7 @@ def may_carry(free: np.ndarray, held: np.ndarray, normal: np.ndarray, as_one: bo
 
     Parameters as of ``make_mortar``; normal : (n, 3)
     """
-    left = np.linalg.norm(np.where(held, 0.0, normal), axis=1) > UPRIGHT
+    left = np.linalg.norm(np.where(held, 0.0, normal), axis=1) > WRITTEN
     return free.any(axis=1) & left & ((free | held).all(axis=1) | (not as_one))
 
 
@@ -258,7 +256,7 @@ def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.nd
 
 
 def _nothing(surfaces: Surfaces) -> np.ndarray:
-    return rounding(surfaces.points[0], ROUNDING * surfaces.size)
+    return rounding(surfaces.points[0], SAME * surfaces.size)
 
 
 def covered_around(surfaces: Surfaces) -> np.ndarray:

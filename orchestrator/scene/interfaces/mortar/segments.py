@@ -14,16 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.rounding import SAME, WRITTEN
 from orchestrator.scene.interfaces.opposite import Triangles, opposite
 
 # Faces face each other where the cosine between their normals is below this: curved faces of coarse
 # and fine facets
 # still do, the two faces at an edge of 90 degrees do not.
 FACING = -0.3
-# Overlaps of less than this share of the slave's facet, squared edges that touch, are rounding.
-NOTHING = 1e-12
-# Facets covered by this much more than their area are covered twice.
-TWICE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ class Segments:
 
         area : of the slave's facets
         """
-        full = np.bincount(self.slave, self.area, minlength=len(area)) > (1 + TWICE) * area
+        full = np.bincount(self.slave, self.area, minlength=len(area)) > (1 + WRITTEN) * area
         if not full.any():
             return self
         order = np.lexsort((np.abs(self.distance), self.slave))
@@ -70,7 +67,7 @@ class Segments:
         before = filled - self.area[order] - np.repeat((filled - self.area[order])[start],
                                                        np.diff(np.r_[start, len(order)]))
         own = self.slave[order]
-        kept = ~full[own] | (before < (1 - TWICE) * area[own])
+        kept = ~full[own] | (before < (1 - WRITTEN) * area[own])
         return self.some(np.sort(order[kept]))
 
     @property
@@ -141,7 +138,7 @@ def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarr
     distance = (np.einsum("mvk,mk->mv", found.on_master, height)
                 * there).sum(axis=1) / np.maximum(count, 1)
     found = replace(found, area=share * slave.area[i], distance=distance)
-    return found.some((share > NOTHING) & (np.abs(distance) <= reach[i]))
+    return found.some((share > SAME) & (np.abs(distance) <= reach[i]))
 
 
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.processes import mallopt
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.faces import LOCAL_FACES, renumbered, runs
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
 from orchestrator.scene.mesh.grains.polyhedra import SIDES, Tessellation
 
 # Edges have pieces of h at most, but for this share of it.
 OVER = 0.01
-# how far off gmsh may place the nodes of an edge, which are then where they were asked for; the
-# box is 1 long at most
-ROUNDING = 1e-9
 PERTURB = -6  # glibc's M_PERTURB
 
 
@@ -119,7 +117,7 @@ def _face(outline: np.ndarray, lines: list[tuple[int, int, int]],
     geo.addPlaneSurface([geo.addCurveLoop(wire)])
     found, triangles = _meshed(2, TRIANGLE)
     count = len(outline)
-    if len(found) < count or np.abs(found[:count] - outline).max() > ROUNDING:
+    if len(found) < count or np.abs(found[:count] - outline).max() > PLACED:
         raise RuntimeError("nodes of a face's edges are not where they were asked for")
     return found[count:], triangles
 

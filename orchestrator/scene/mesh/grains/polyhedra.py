@@ -12,15 +12,13 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree, Voronoi
 
+from orchestrator.rounding import PLACED
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, cross, summed, unit
 
 # Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 -
 # s.
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
-# Vertices closer than this share of the box are one: on the sides, seeds and mirror copies are
-# cospherical.
-SAME = 1e-9
 
 
 @dataclass
@@ -86,7 +84,7 @@ def _snapped(vertices: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.nda
     old → new index.
     """
     vertices = vertices.copy()
-    near = SAME * size.max()
+    near = PLACED * size.max()
     for axis in range(3):
         for plane in (0.0, size[axis]):
             vertices[np.abs(vertices[:, axis] - plane) < near, axis] = plane

@@ -16,6 +16,7 @@ from __future__ import annotations
 import meshio
 import numpy as np
 
+from orchestrator.rounding import WRITTEN
 from orchestrator.scene.mesh.checks import bad_file
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import format_point, position_rank, tet_volumes
@@ -36,7 +37,6 @@ _PYRAMID = np.array([*_RING, [0, 4], [1, 4], [2, 4], [3, 4]])
 EDGES = {"tetra10": TET_EDGES, "hexahedron20": _HEX, "hexahedron27": _HEX, "wedge15": _WEDGE,
          "wedge18": _WEDGE,
          "pyramid13": _PYRAMID, "pyramid14": _PYRAMID}
-BENT = 1e-6  # of an edge's length, from which its middle is not where a straight one's would be
 
 
 def straightened(raw: meshio.Mesh) -> tuple[meshio.Mesh, list[str]]:
@@ -54,7 +54,7 @@ def straightened(raw: meshio.Mesh) -> tuple[meshio.Mesh, list[str]]:
         length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
         bend = np.linalg.norm(raw.points[block.data[:, first : first + ends.shape[1]]]
                               - ends.mean(axis=2), axis=2)
-        if (bend > BENT * length).any():
+        if (bend > WRITTEN * length).any():
             worst, off = max(worst, float(np.max(bend / length))), max(off, float(bend.max()))
     if worst:
         said.append(
