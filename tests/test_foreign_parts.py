@@ -145,7 +145,7 @@ def _few(K, table):
 WRONG_MATRICES = {
     "unsymmetric": (dict(change=lambda K, t: (K + 0.01 * sp.triu(K), t)), {}, "not symmetric"),
     "order of nodes": (dict(change=_turned, clamp=False), {"held": False}, "another order"),
-    "units of nodes": (dict(change=lambda K, t: (K, t * [1, 1000, 1000, 1000])), {}, "between units of length"),
+    "units of nodes": (dict(change=lambda K, t: (K, t * [1, 1000, 1000, 1000])), {}, "meets no other part"),
     "hidden supports": ({}, {"held": False}, "supports that hold it are inside"),
     "no supports": (dict(clamp=False), {"held": True}, "rigid motions cost nothing"),
     "lost digits": (dict(change=_few, clamp=False), {"held": False}, "rigid motions cost force"),

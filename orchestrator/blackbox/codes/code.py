@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory",
           "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
 
+# seconds for what is asked once: a form to be compiled, an interpreter to say what it has
+PATIENCE = 60
+
 
 class Code(ABC):
     """A finite element code, found once and then started as often as there are workers.

@@ -21,7 +21,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, JsonValue
 
-from orchestrator.blackbox.codes.code import Code, MessageCode
+from orchestrator.blackbox.codes.adapter import NO_SOLVER
+from orchestrator.blackbox.codes.code import Code, MessageCode, PATIENCE
 from orchestrator.blackbox.protocol import Model, Origin
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
@@ -29,7 +30,6 @@ from orchestrator.errors import InputError, wrong
 
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
-_NO_SOLVER = 67  # exit code of ``python_server``
 # What another interpreter runs: this package from where it is, and nothing else that is beside it.
 _HOSTED = """import runpy, sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -42,7 +42,6 @@ runpy.run_module("orchestrator.blackbox.codes.python_server", run_name="__main__
 """
 _NEEDED = "import sys, numpy, scipy; print(*sys.version_info[:2])"
 _OLDEST = (3, 9)  # Python that the server's modules still run in
-_PATIENCE = 60  # seconds for another interpreter to say what it has
 
 
 class PythonCode(MessageCode):
@@ -193,7 +192,7 @@ class PythonCode(MessageCode):
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The class: the module is imported by the process alone, which finds out."""
-        if exit_code != _NO_SOLVER:
+        if exit_code != NO_SOLVER:
             return None
         return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare "
                                               "and solve, or another one's name after a colon, as "
@@ -246,7 +245,7 @@ def _ask(python: str, package: str) -> str:
         with tempfile.TemporaryDirectory(prefix="orchestrator-ask-") as empty:
             done = subprocess.run([os.path.abspath(python) if os.sep in python else python, "-c",
                                    code], capture_output=True,
-                                  text=True, timeout=_PATIENCE, cwd=empty)
+                                  text=True, timeout=PATIENCE, cwd=empty)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise _absent(f"{python}, which cannot be run: {error}", lacks,
                       "give the path of a Python interpreter", "python") from None

@@ -15,7 +15,6 @@ from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.summary import View
 
-NAMES = 6  # bodies in a sentence
 OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
 # tolerances, told of a body's place from which it is named: what is off by ten has been told to be
 # off by four at least
@@ -112,7 +111,7 @@ def own_errors(s: View) -> str:
     beyond = [f"{name} " + ("all of it" if own is None else f"{own:.1e}")
               for name, own in s.error_shares.get("own", {}).items()
               if s.tolerance and (own is None or own > OWN * s.tolerance)]
-    return f"{some(beyond, NAMES)}, beside their own energy; where that matters, a smaller " \
+    return f"{some(beyond)}, beside their own energy; where that matters, a smaller " \
         "tolerance.error" if beyond else ""
 
 
@@ -120,7 +119,7 @@ def unbalanced(s: View) -> list[str]:
     """Return the bodies of which no energy error is known for want of balanced forces near the
     run's; a limit load says more.
     """
-    return [f"{some(names, NAMES)}: no forces were found at load step {steps} that the laws allow "
+    return [f"{some(names)}: no forces were found at load step {steps} that the laws allow "
             "and that balance: no error is known"
             for steps, names in _alike(s.unbalanced) if not s.limit_load]
 
@@ -128,7 +127,7 @@ def unbalanced(s: View) -> list[str]:
 def not_held(s: View) -> list[str]:
     """Return the bodies that are detached or weakly held, and at which load steps."""
     place = "where stabilisation leaves it" if s.stabilised else "undetermined"
-    return [f"{some(names, NAMES)}: {what} at load step {steps}; the rigid position is {place}"
+    return [f"{some(names)}: {what} at load step {steps}; the rigid position is {place}"
             for found, what in ((s.detached, "pressed on by no held body"),
                                 (s.weakly_held, "held, but free to move as a whole"))
             for steps, names in _alike(found)]
@@ -143,7 +142,7 @@ def stabilised(s: View) -> list[str]:
     return [
         f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force "
         f"per area, and do {work} of the largest strain energy in work",
-        *(f"{some(names, NAMES)}: more than a tenth of the forces at load step {steps}"
+        *(f"{some(names)}: more than a tenth of the forces at load step {steps}"
           for steps, names in _alike(found["bodies"]))]
 
 
@@ -156,12 +155,12 @@ def places(s: View) -> list[str]:
     beyond = [f"{name} {far:.1e}" for name, far in known.items() if s.tolerance is None
               or far > FAR * s.tolerance]
     told = [
-        f"{some(sorted(found.keys() - known), NAMES)}: not determined, as next to nothing holds "
+        f"{some(sorted(found.keys() - known))}: not determined, as next to nothing holds "
         "them"] * (len(known) < len(found))
     return told + [
         f"{'all others' if told else 'bodies'} stand within {max(known.values(), default=0.0):.1e} "
         "of the largest displacement of their "
-        f"places{': ' * bool(beyond)}{some(beyond, NAMES)}"] * bool(known)
+        f"places{': ' * bool(beyond)}{some(beyond)}"] * bool(known)
 
 
 def off_by(s: View) -> list[str]:

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from orchestrator.errors import SHOWN
 from orchestrator.results.summary.summary import View
 
 Face = Mapping[str, object]
 
-MOST = 4  # faces of a kind, or shanks, that a sentence is spent on
 LOST = 0.01  # share of a pretension whose loss is told
 PRESSED = 0.01  # share of its largest normal force from which on a face is pressed
 # kinds of faces, in the order in which they are told, and what several are called
@@ -127,8 +127,8 @@ def _slips(face: Face, units: Mapping[str, str]) -> str:
 def _first(found: Sequence[Face], sentence: Callable[[Face], str], more: str) -> list[str]:
     """A sentence on each of the first ones, and how many more there are."""
     return [
-        *map(sentence, found[:MOST]),
-        *[f"… and {len(found) - MOST} more {more}"] * (len(found) > MOST),
+        *map(sentence, found[:SHOWN]),
+        *[f"… and {len(found) - SHOWN} more {more}"] * (len(found) > SHOWN),
     ]
 
 

@@ -16,6 +16,7 @@ from orchestrator.config.mesh import ForeignPart, OnePart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
 from orchestrator.scene.mesh.geometry import areas
+from orchestrator.scene.mesh.mesh import FLAT
 from orchestrator.scene.mesh.quadratic import QUARTERS
 
 # Triangles between the nodes of a face by their number, corners first, then those in the middle of
@@ -24,8 +25,6 @@ from orchestrator.scene.mesh.quadratic import QUARTERS
 # the other side asks.
 CUT = {3: [[0, 1, 2]], 4: [[0, 1, 2], [0, 2, 3]], 6: QUARTERS,
        8: [[0, 4, 7], [1, 5, 4], [2, 6, 5], [3, 7, 6], [4, 5, 6], [4, 6, 7]]}
-# A face whose triangles are thinner than this share of its longest edge squared is none.
-FLAT = 1e-10
 
 
 @dataclass(frozen=True)

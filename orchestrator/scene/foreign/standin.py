@@ -166,13 +166,9 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
                                  None if joints.young is None else (joints.young, joints.poisson))])
 
 
-# Units of length that models are mixed up in: m and mm, m and cm, inches and mm, feet and m, inches
-# and m.
-UNITS = (1000.0, 100.0, 25.4, 1 / 0.3048, 1 / 0.0254, 10.0)
 # decades between units of stress (Pa, kPa, MPa, GPa), and how near a ratio of moduli is to such
 # steps
 STEP, NEAR = 3.0, 0.5
-ROOM = 0.01  # of the other parts' extent: joints within their box but for this may lie on them
 
 
 def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbering,
@@ -241,16 +237,8 @@ def report_units(mesh: Mesh, interfaces: list[Interface], subdomain: np.ndarray,
 
 
 def _beside(points: np.ndarray, others: np.ndarray) -> str:
-    """Words for the extent of the other parts, and for units that may be mixed up."""
+    """Words for the extent of the other parts."""
     if not len(others):
         return ""
     low, high = others.min(axis=0), others.max(axis=0)
-    text = f", all other parts from {format_point(low)} to {format_point(high)}"
-    room = ROOM * np.linalg.norm(high - low)
-
-    def fits(factor: float) -> bool:
-        return bool(((factor * points >= low - room) & (factor * points <= high + room)).all())
-
-    unit = None if fits(1.0) else next((u for u in UNITS if fits(u) or fits(1 / u)), None)
-    return text + (f"; with a factor of {unit:.4g}, as between units of length, they would fit"
-                   if unit else "")
+    return f", all other parts from {format_point(low)} to {format_point(high)}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.errors import InputError, KeyPath, wrong
+from orchestrator.errors import InputError, KeyPath, some, wrong
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
@@ -31,7 +31,6 @@ HOLE = 8  # edges up to which a hole looks like a missing face
 # are passed over.
 ODD, NONE, LARGE = 0.2, 1e-6, 0.1
 SMOOTH = 0.5  # cosine between normals of faces above which no edge is between them
-NAMED = 6  # nodes
 
 
 def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath,
@@ -193,7 +192,7 @@ def forgotten(faces: list[np.ndarray], own: np.ndarray, ids: np.ndarray, points:
         ends &= np.einsum("fx,fcx->fc", normal, of_single[at]) > SMOOTH * length[at]
         told[at[ends]] = False  # faces beyond the joint's end
     gone = ids[told].tolist()
-    named = ", ".join(map(str, gone[:NAMED])) + (" …" if len(gone) > NAMED else "")
+    named = some(list(map(str, gone)))
     return [f"{name}: faces beside its own have all other nodes in its set, but not {named}: are "
             "these forgotten?"] if gone else []
 

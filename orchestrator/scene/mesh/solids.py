@@ -28,7 +28,6 @@ from orchestrator.scene.shapes import Shape
 
 # Edges and faces shorter than this share of the whole model are told: elements there are as small.
 SMALL = 1e-3
-SHOWN = 5  # faces that one sentence names
 
 
 def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None) -> Mesh:
@@ -181,7 +180,7 @@ def _small(solids: list[MeshedSolid]) -> Iterator[str]:
             yield (
                 f"{solid.name} is small in places beside the whole model, {len(tiny)} of its "
                 f"{len(solid.faces)} faces measure {min(tiny.values()):.3g} or have an edge that "
-                f"short ({some(sorted(tiny, key=tiny.get), SHOWN)}): elements there are as small; "
+                f"short ({some(sorted(tiny, key=tiny.get))}): elements there are as small; "
                 f"heal the model, or leave the solid out: exclude: [{solid.name}]")
 
 
@@ -209,7 +208,7 @@ def _open(solid: MeshedSolid) -> str:
     triangles, face = elements(TRIANGLE, solid.faces)
     bare = [solid.face(tag) for k, tag in enumerate(solid.faces) if not (face == k).any()]
     if bare:
-        return f"no triangles on its faces {some(bare, SHOWN)}"
+        return f"no triangles on its faces {some(bare)}"
     ends, edge = edges_of(triangles, TRIANGLE_EDGES)
     alone = np.bincount(edge.ravel()) % 2 == 1
     if not alone.any():
@@ -218,5 +217,5 @@ def _open(solid: MeshedSolid) -> str:
     where = points(np.unique(ends[alone])).mean(axis=0)
     names = [solid.face(solid.faces[k]) for k in tags[np.argsort(-lengths, kind="stable")]]
     return (
-        f"its faces do not close: {alone.sum()} edges of {some(names, SHOWN)} have one triangle "
+        f"its faces do not close: {alone.sum()} edges of {some(names)} have one triangle "
         f"beside them, about ({', '.join(f'{x:.4g}' for x in where)})")

@@ -38,6 +38,7 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 from orchestrator.scene.overview import Difficulty
 from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.facets import CONTRAST
 from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE
 
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000
@@ -125,7 +126,6 @@ def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
     return np.flatnonzero(on[subdomain.connectivity].any(axis=1))
 
 
-CONTRAST = 10.0  # of moduli in one side's first row of cells
 SLENDER = 10.0  # largest over smallest extent
 # Copies of nearly incompressible ten-node tets resist by √(λ μ), so that √(μ/λ) of it is what the
 # softest of the subdomain's own

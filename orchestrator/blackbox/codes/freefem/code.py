@@ -18,7 +18,7 @@ from typing import Any
 
 from pydantic import Field
 
-from orchestrator.blackbox.codes.code import MessageCode
+from orchestrator.blackbox.codes.code import MessageCode, PATIENCE
 from orchestrator.blackbox.codes.freefem.files import (FORM_SERVER, check_form, encode, form_server,
                                                        not_compiled, refused_term,
                                                        script, with_volumes)
@@ -35,7 +35,6 @@ REINSTALL = "install the orchestrator again, from the whole clone or from a whee
 _PLUGIN_FOLDER = "/usr/lib/freefem++"
 _INCLUDE_FOLDER = "/usr/include/freefem++/idp"
 _COMPILING, _NO_PLUGIN = 1, 2  # exit codes
-_PATIENCE = 60  # seconds for a form to be compiled
 _BLAS_FOLDERS = ("openblas-serial", "openblas-pthread")
 
 
@@ -193,7 +192,7 @@ class FreeFem(MessageCode):
             done = subprocess.run(self.command(os.devnull, os.devnull), env=self.environment(),
                                   cwd=folder, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                                  errors="replace", timeout=_PATIENCE)
+                                  errors="replace", timeout=PATIENCE)
         if absent := self.missing_part(done.returncode, done.stdout):
             raise absent
         if done.returncode:
