@@ -96,11 +96,11 @@ class Moves(IntEnum):
 
 
 class Facts:
-    """Facts that a law declares of itself; those that are left out are on the safe side.
+    """Facts that a law declares of itself; those that are left out are on the safe side. In the
+    report stand the first two paragraphs of its docstring: what it means, and its formula.
 
     name : in the YAML and in fields.npz
     Parameters : model of its entry in the YAML
-    formula, meaning : in the report
     statuses : what its pairs can do
     measures : of its residuals
     variables : names of numbers that it remembers of each pair from load step to load step, such as
@@ -124,8 +124,6 @@ class Facts:
 
     name: ClassVar[str]
     Parameters: ClassVar[type[Entry]]
-    formula: ClassVar[str] = ""
-    meaning: ClassVar[str] = ""
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
     measures: ClassVar[tuple[Measure, ...]] = ()
     variables: ClassVar[tuple[str, ...]] = ()

@@ -66,7 +66,9 @@ class CohesiveEntry(Entry):
 
 @dataclass(frozen=True, eq=False)
 class Cohesive(Law):
-    """Glue that breaks.
+    """Glue that breaks: traction up to the strength, then less, until the toughness is spent.
+
+    f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n
 
     stiffness : K, force/length³; strength : σ, force/length²; toughness : G, force/length
     """
@@ -76,9 +78,6 @@ class Cohesive(Law):
     toughness: float
 
     name, Parameters = "cohesive", CohesiveEntry
-    formula = "f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n"
-    meaning = (
-        "glue that breaks: traction up to the strength, then less, until the toughness is spent")
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
     variables = ("damage",)  # 0 where the glue is whole, 1 where it is broken
     measures = (

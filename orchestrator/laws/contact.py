@@ -94,6 +94,9 @@ class ContactEntry(Entry):
 class Contact(Law):
     """Unilateral contact with Coulomb friction.
 
+    g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where
+    equal: slip along f_t
+
     friction : Coulomb's coefficient
     distance : (n,) initial gap along the normal, negative where the parts are pressed into each
         other
@@ -104,10 +107,6 @@ class Contact(Law):
 
     name = "contact"
     Parameters = ContactEntry
-    formula = (
-        "g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where "
-        "equal: slip along f_t")
-    meaning = "unilateral contact with Coulomb friction"
     statuses = (OPEN, STICK, SLIP, BONDED)
     measures = (Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ",
                         "sides inside each other", length=1),

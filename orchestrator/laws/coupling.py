@@ -30,7 +30,9 @@ COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 
 @dataclass(frozen=True, eq=False)
 class CouplingLaw(GroundLaw):
-    """A surface that follows a point.
+    """A surface that follows a point: it moves with it, or in the mean.
+
+    rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given
 
     motions : (6, 3, n) R: displacement of each node in the three translations of the point and the
         rotations about it
@@ -45,8 +47,6 @@ class CouplingLaw(GroundLaw):
     rigid: bool
 
     name = "coupling"
-    formula = "rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given"
-    meaning = "a surface and a point: it moves with it, or in the mean"
     # nodes in the middle of edges follow the point like all others
     moves = Moves.RIGID
     statuses = (COUPLED, BONDED)

@@ -41,7 +41,9 @@ class ElasticEntry(Entry):
 
 @dataclass(frozen=True, eq=False)
 class Elastic(Law):
-    """Springs along the normal and across it.
+    """Springs of the stiffness k per area, along the normal and across it.
+
+    f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)
 
     stiffness_n, stiffness_t : k_n and k_t, force/length³
     tension_only : normal springs are slack where the sides approach
@@ -53,8 +55,6 @@ class Elastic(Law):
 
     name = "elastic"
     Parameters = ElasticEntry
-    formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
-    meaning = "springs of the stiffness k per area"
     convex = True
     statuses = (SPRUNG, TAUT, SLACK, BONDED)
     measures = (

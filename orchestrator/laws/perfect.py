@@ -18,11 +18,13 @@ from orchestrator.laws.points import Answer, BONDED, Points
 
 
 class Perfect(Law):
-    """Bonded: the undamaged body."""
+    """Bonded: the undamaged body.
+
+    d = 0
+    """
 
     name = "perfect"
     Parameters = Entry
-    formula, meaning = "d = 0", "bonded"
     moves, convex, given_jump = Moves.TOGETHER, True, np.zeros(3)
 
     @staticmethod
@@ -70,6 +72,8 @@ class JumpEntry(Entry):
 class Jump(Law):
     """Imposed jump of displacement.
 
+    d = given
+
     given_jump : (3,) from side 1 to side 2
     """
 
@@ -77,7 +81,6 @@ class Jump(Law):
 
     name = "jump"
     Parameters = JumpEntry
-    formula, meaning = "d = given", "imposed jump of displacement"
     moves, convex = Moves.GIVEN, True
 
     @classmethod

@@ -73,7 +73,9 @@ class PretensionEntry(Entry):
 
 @dataclass(frozen=True, eq=False)
 class Pretension(Law):
-    """Pretension across a cut.
+    """Pretension across a bolt's cut: its force is given, then its length.
+
+    tightened: d = d n, Σ f·n = N;  locked: d = d at the load step before
 
     pull : N at this load step; None: the bolt keeps its length
     """
@@ -82,8 +84,6 @@ class Pretension(Law):
 
     name = "pretension"
     Parameters = PretensionEntry
-    formula = "tightened: d = d n, Σ f·n = N;  locked: d = d at the load step before"
-    meaning = "a bolt's cut: its force is given, then its length"
     moves = Moves.AXIAL
     statuses = (TIGHTENED, LOCKED, BONDED)
     measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N",

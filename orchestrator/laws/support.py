@@ -29,7 +29,9 @@ UPRIGHT = 0.99
 
 @dataclass(frozen=True, eq=False)
 class Support(GroundLaw):
-    """A rigid ground, at n nodes.
+    """A rigid ground, at n nodes: springs, or directions that are held.
+
+    f·e = k A (g − u·e), or u·e = g, in directions e
 
     frame : (3, 3, n) directions, at [which, component, node], of length one, or shorter where
         components are prescribed
@@ -44,8 +46,6 @@ class Support(GroundLaw):
     normal: np.ndarray
 
     name = "support"
-    formula = "f·e = k A (g − u·e), or u·e = g, in directions e"
-    meaning = "a rigid ground: springs, or directions that are held"
     # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to
     # be kept plane
     moves = Moves.GIVEN

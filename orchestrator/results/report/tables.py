@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import getdoc
 
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
@@ -169,9 +170,10 @@ def _contact(s: View) -> Iterator[Table]:
     laws = [entry["law"] for entry in s.interface_resultants]
     # one of another's may not be registered here
     yield Table("Interface laws", _columns(("law", "interfaces", "formula", "meaning")), [
-        {"law": law, "interfaces": laws.count(law),
-         "formula": getattr(LAWS.get(law), "formula", ""),
-         "meaning": getattr(LAWS.get(law), "meaning", "")} for law in sorted(set(laws))],
+        {"law": law, "interfaces": laws.count(law), "formula": formula, "meaning": meaning}
+        for law in sorted(set(laws))
+        for meaning, formula, *_ in [
+            (getdoc(LAWS[law]) if law in LAWS else "").split("\n\n") + [""]]],
         "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force "
         "on side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap.")
     faces = [face for face in s.contact_faces if max(face["capacity"], default=0.0) > 0]
