@@ -35,7 +35,7 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.ranks import interfaces_of_all, OnRanks
+from orchestrator.results.history import interfaces_of_all, OnRanks
 from orchestrator.results.solution import Solution, unsound
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.body import Meshed

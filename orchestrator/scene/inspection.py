@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from orchestrator.scene.fits import exact_distance, fits, round_faces
 from orchestrator.scene.shapes import Shape, shape_of
 from orchestrator.scene.interfaces.distances import paired_distance
-from orchestrator.scene.interfaces.between import hidden
+from orchestrator.scene.interfaces.overlap import hidden
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies

@@ -13,7 +13,7 @@ from orchestrator.scene.body import Body, Divided
 from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.boundary import acting
 from orchestrator.scene.conditions.ground import add_grounds
-from orchestrator.scene.interface import Interface
+from orchestrator.scene.interface import Beside, Interface
 from orchestrator.scene.interfaces.freedom import join_bolts
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.fitting import fitted
@@ -21,7 +21,6 @@ from orchestrator.scene.interfaces.overlap import sagittas
 from orchestrator.scene.interfaces.pairs import make_interfaces
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.model import BoundaryEntry, PlacedBolt
-from orchestrator.scene.overview import Beside
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.elasticity import lame
-from orchestrator.scene.interface import Interface
+from orchestrator.scene.interface import Beside, Interface, Overview
 from orchestrator.scene.loads.base import Forces, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.overview import Beside, Overview
 from orchestrator.scene.tools.motion import Rigid
 
 

@@ -5,20 +5,24 @@ Of other subdomains and interfaces only the places in the lists are left, with n
 codes, so that numbers mean the same everywhere. A neighbour keeps the cells that touch a common
 interface, be it in a single node: soles and laws ask for no more of it. What concerns the whole
 scene and is a number per body or subdomain is in the ``Overview``.
+
+Nodes with a copy for each subdomain that has them, one subdomain after another, and which of
+them bonds make one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from orchestrator.scene.conditions.supports import loose_bodies, supports_of
-from orchestrator.scene.interface import Interface
+from orchestrator.scene.interface import Interface, Overview
+from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Scene
-from orchestrator.scene.overview import Overview
 from orchestrator.scene.soles.overlap import difficulty
 
 
@@ -113,3 +117,47 @@ def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) 
     return replace(own, triangles=np.searchsorted(nodes, own.triangles),
                    cells=np.full((len(faces), 2), -1),
                    nodes=np.searchsorted(nodes, own.nodes))
+
+
+@dataclass(frozen=True)
+class Copies:
+    """N copies in all, of the subdomains of a scene.
+
+    scene : whose
+    ends : (subdomains + 1,) int, where each subdomain's begin
+    node : (N,) int, nodes of the mesh
+    label : (N,) int, equal where perfect interfaces make copies one
+    """
+
+    scene: Scene
+    ends: np.ndarray
+    node: np.ndarray
+    label: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene) -> Copies:
+        """Copies of all nodes of a scene."""
+        ends = np.cumsum([0, *(len(s.nodes) for s in scene.subdomains)])
+        pairs = [np.empty((2, 0), dtype=int)]
+        for i in scene.interfaces:
+            if i.law.perfect and i.mortar is None and len(i.nodes[0]):
+                pairs.append(np.stack([ends[e] + nodes for e, nodes in zip(i.subdomains, i.nodes)]))
+        label = components(*np.concatenate(pairs, axis=1), int(ends[-1]))[1]
+        return cls(scene, ends, np.concatenate([s.nodes for s in scene.subdomains]), label)
+
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """(m, 4 or 10) int, copies that each tet is on."""
+        cells = np.zeros_like(self.scene.mesh.cells)
+        for s, start in zip(self.scene.subdomains, self.ends):
+            cells[s.cells] = s.connectivity + start
+        return cells
+
+    def one_with(self, chosen: np.ndarray) -> np.ndarray:
+        """(N,) bool, copies that are one with some, int."""
+        return np.isin(self.label, self.label[chosen])
+
+    def faces_of(self, triangles: np.ndarray, surface: np.ndarray) -> np.ndarray:
+        """(k,) bool, which triangles (k, 3) of the mesh are among those of a surface."""
+        count = len(self.scene.mesh.nodes)
+        return np.isin(pack(triangles, count), pack(surface, count))

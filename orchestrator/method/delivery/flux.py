@@ -33,7 +33,7 @@ import numpy as np
 from orchestrator.blackbox.models import Matter
 from orchestrator.scene.conditions.probe_faces import ProbeSection, ProbeSurface
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.copies import Copies
+from orchestrator.scene.part import Copies
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.model import Scene
 

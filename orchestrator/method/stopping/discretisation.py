@@ -32,7 +32,7 @@ import numpy as np
 from orchestrator.method.interface.rows import bounds_of, ratio
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.stopping.error_estimate import ErrorEstimate
-from orchestrator.scene.copies import Copies
+from orchestrator.scene.part import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import TURNED

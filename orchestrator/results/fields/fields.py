@@ -39,7 +39,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFT
 from orchestrator.results.extremes import Nodal
 from orchestrator.results.folder import DIRECTORY_KEY
 from orchestrator.scene import elasticity as recovery
-from orchestrator.scene.copies import Copies
+from orchestrator.scene.part import Copies
 from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.mesh import split_numbering, SplitNumbering

@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.between import Hidden
+from orchestrator.scene.interfaces.overlap import Hidden
 from orchestrator.scene.interfaces.governing import Candidate
 from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces

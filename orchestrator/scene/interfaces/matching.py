@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.rounding import WRITTEN
-from orchestrator.scene.interfaces.between import Hidden
+from orchestrator.scene.interfaces.overlap import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import (
     COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite)

@@ -32,8 +32,7 @@ from orchestrator.scene.interfaces.parts import paired_faces, Parts
 from orchestrator.scene.interfaces.skins import over
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.interface import Interface
-from orchestrator.scene.overview import Beside
+from orchestrator.scene.interface import Beside, Interface
 
 # search distance that is proposed, of the nearest faces' distance: chords of round faces vary
 FARTHER = 1.5

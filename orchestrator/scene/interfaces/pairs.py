@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems, some
-from orchestrator.scene.interface import ends_of, Interface
+from orchestrator.scene.interface import Beside, ends_of, Interface
 from orchestrator.scene.interfaces.distances import paired_gap, surface_gap, tell_distances
 from orchestrator.scene.interfaces.facing import matching_faces, meshed_apart
 from orchestrator.scene.interfaces.governing import Candidate, candidates, Laws
@@ -28,7 +28,6 @@ from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import suggestion
-from orchestrator.scene.overview import Beside
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50

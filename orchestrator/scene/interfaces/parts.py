@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.scene.interface import Interface
-from orchestrator.scene.interfaces.between import Hidden, hidden
+from orchestrator.scene.interfaces.overlap import Hidden, hidden, Overlap, overlap, Solid
 from orchestrator.scene.interfaces.opposite import BodyFaces, outer_bodies
-from orchestrator.scene.interfaces.overlap import Overlap, overlap, Solid
 from orchestrator.scene.interfaces.skins import Skins, surface_of
 from orchestrator.scene.mesh.faces import components, Faces, pack, pieces
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering

@@ -10,9 +10,8 @@ import numpy as np
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import lines_of, with_middles
-from orchestrator.scene.interface import Interface
+from orchestrator.scene.interface import Difficulty, Interface
 from orchestrator.scene.model import Scene
-from orchestrator.scene.overview import Difficulty
 from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.facets import Facets, facets_of
 from orchestrator.scene.soles.overlap import difficulty, overlap
