@@ -32,7 +32,7 @@ from orchestrator.results.history import columns, read_history, write_history
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.summary import known, read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
-from orchestrator.scene.conditions.finder import Finder
+from orchestrator.scene.conditions.probes import Finder
 from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene

@@ -16,7 +16,7 @@ from orchestrator.scene.bolts import cut_bolts
 from orchestrator.scene.cautions import odd_moduli
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, moving_as_one, prescribe, resolve_boundary
-from orchestrator.scene.conditions.finder import Finder
+from orchestrator.scene.conditions.probes import Finder
 from orchestrator.scene.conditions.ground import held_rows, within_free
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.conditions.selection import assign_codes, cells_loaded
