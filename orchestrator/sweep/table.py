@@ -16,7 +16,6 @@ from orchestrator.config.paths import is_number, shown
 from orchestrator.errors import CONVERGED, visible
 from orchestrator.results.figures.plotting import COLOURS, new_figure, png, tidy
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.rounding import PLACED
 from orchestrator.sweep.variants import Variant
 
 NAME = "sweep.csv"
@@ -28,6 +27,7 @@ MORE = 3  # columns of probes and bolts
 PANELS = 6  # of the picture, two rows of three
 LINES = 8  # curves in one panel; more are not told apart
 DRAWN_FIRST = ("peak_stress", "peak_displacement", "pairs.slip", "energy", "iterations")
+SAME = 1e-9  # relative: a number that varies by less says nothing
 _UNITS = {"peak_stress": "stress", "peak_displacement": "length", "energy": "energy",
           "bolt_force_min": "force", "bolt_force_max": "force"}
 
@@ -163,7 +163,7 @@ def _chosen(numbers: Sequence[Mapping[str, float]]) -> list[str]:
     """Names of the numbers to draw: all variants have them, and they vary."""
     return [name for name in dict.fromkeys([*more(numbers[0]), *DRAWN_FIRST])
             if all(name in one for one in numbers)
-            and np.ptp(column := [one[name] for one in numbers]) > PLACED
+            and np.ptp(column := [one[name] for one in numbers]) > SAME
             * np.abs(column).max()][:PANELS]
 
 

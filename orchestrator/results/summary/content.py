@@ -58,26 +58,13 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     names = [*(place_text(entry.model_dump(exclude_none=True)["on"], entry.part)
                for entry in config.boundary), *config.tools]
     contact, spent = _contact(scene, delivered, names), total(ranks, scene)
-    warnings = stabilisation_cautions(config.method)
-    own = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"] if entry["own_matter"]))
-    if own:
-        estimated = None
-        warnings.append(
-            "stresses and the estimated error of the mesh are those of the YAML's moduli; the "
-            f"matter of {some(own)} is its own: there they are not to be believed, displacements "
-            "and forces are, if that matter, its units included, is the one that is meant: nothing "
-            "shows that it is")
-    off, detached = estimated and estimated.relative, contact.get("detached", ())
-    warnings += [*sentences(found.get("far_bodies", [])),
-                 *cautions(scene, delivered.sides or delivered.parts, delivered.met, detached, off),
-                 *tool_cautions(delivered.tools), *of_unheld(scene, detached)]
+    own = dict.fromkeys(str(entry["code"]) for entry in spent["codes"] if entry["own_matter"])
+    off = None if own else estimated and estimated.relative
     loose = sorted({name for key in ("detached", "weakly_held") for step in contact.get(key, ())
                     for name in step})
     # each was asked once an iteration, and at each load step's end once more
     flowing = [s.name for s in scene.subdomains if s.remembers]
     answers = len(flowing) * (iterated.iterations + scene.steps)
-    about = np.array(config.output.moments_about, dtype=float)
-    forces, moments = np.split(delivered.reactions, 2, axis=2)
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose,
@@ -100,11 +87,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if flowing else delivered.energy,
-        "reactions": forces, "reaction_names": names,
-        "reaction_kinds": ["load" if entry.forces else "support" for entry in scene.boundary],
-        "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces),
-                             "middle": scene.mesh.box.mean(axis=0),
-                             "size": float(np.linalg.norm(np.ptp(scene.mesh.box, axis=0)))},
+        "reaction_names": names, **_reactions(scene, delivered, config.output.moments_about),
         **contact,
         "tools": [{"name": one.tool.name, "about": one.tool.driven.about,
                    "displacement": one.moved[:, :3], "rotation": np.degrees(one.moved[:, 3:])}
@@ -112,11 +95,36 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "load_path": [one | {"sentence": path_sentence(one)} for one in found.get("path", [])],
         **{key: [asdict(one) | {"sentence": str(one)} for one in found.get(key, [])]
            for key in ("limit_load", "far_bodies")},
-        "warnings": warnings, **spent, "config": config.complete()}
+        "warnings": [*stabilisation_cautions(config.method), *_of_matter(list(own)),
+                     *sentences(found.get("far_bodies", [])),
+                     *cautions(scene, delivered.sides or delivered.parts, delivered.met,
+                               contact.get("detached", ()), off),
+                     *tool_cautions(delivered.tools),
+                     *of_unheld(scene, contact.get("detached", ()))], **spent, "config": config.complete()}
     if flowing:
         summary["nonlinear"] = {"subdomains": flowing, "answers": answers, "off": OFF}
     note_time(summary, watch)
     return summary
+
+
+def _of_matter(own: list[str]) -> list[str]:
+    """Return what is said of codes whose matter is their own."""
+    return [
+        "stresses and the estimated error of the mesh are those of the YAML's moduli; the matter "
+        f"of {some(own)} is its own: there they are not to be believed, displacements and forces "
+        "are, if that matter, its units included, is the one that is meant: nothing shows that it "
+        "is"] * bool(own)
+
+
+def _reactions(scene: Scene, delivered: Delivered, point: Sequence[float]) -> dict[str, object]:
+    """Return forces of all entries of boundary, and moments about a point (3,)."""
+    about = np.array(point, dtype=float)
+    forces, moments = np.split(delivered.reactions, 2, axis=2)
+    return {"reactions": forces,
+            "reaction_kinds": ["load" if entry.forces else "support" for entry in scene.boundary],
+            "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces),
+                                 "middle": scene.mesh.box.mean(axis=0),
+                                 "size": float(np.linalg.norm(np.ptp(scene.mesh.box, axis=0)))}}
 
 
 def problem_size(scene: Scene) -> dict[str, int]:
