@@ -100,7 +100,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                      *cautions(scene, delivered.sides or delivered.parts, delivered.met,
                                contact.get("detached", ()), off),
                      *tool_cautions(delivered.tools),
-                     *of_unheld(scene, contact.get("detached", ()))], **spent, "config": config.complete()}
+                     *of_unheld(scene, contact.get("detached", ()))],
+        **spent, "config": config.complete()}
     if flowing:
         summary["nonlinear"] = {"subdomains": flowing, "answers": answers, "off": OFF}
     note_time(summary, watch)
