@@ -1,7 +1,7 @@
 """Hold the package to a weight that only falls.
 
 The weight of a room (a folder of the package; ``top``: the files beside them) is its code tokens, its
-modules and its lines of more than 100 columns. Code tokens are the names, numbers and operators of
+modules, its lines of more than 100 columns and its numbers: module constants that are some. Code tokens are the names, numbers and operators of
 Python's tokenizer: neither docstrings nor the width of a line change them. ``budget.json`` has the
 limits: lower one whenever the weight has fallen, never raise one.
 """
@@ -24,14 +24,14 @@ COLUMNS = 100
 
 
 def weights() -> dict[str, Counter]:
-    """Return tokens, modules and wide lines of each room, and of ``all``."""
+    """Return tokens, modules, wide lines and numbers of each room, and of ``all``."""
     found: dict[str, Counter] = {}
     package = ROOT / "orchestrator"
     for path in package.rglob("*.py"):
         text, inside = path.read_text(encoding="utf-8"), path.relative_to(package).parts
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)
         weight = Counter(tokens=sum(token.type in COUNTED for token in tokens), modules=1,
-                         wide=sum(len(line) > COLUMNS for line in text.splitlines()))
+                         wide=sum(len(line) > COLUMNS for line in text.splitlines()), numbers=len(numbers(text)))
         for room in ("all", inside[0] if len(inside) > 1 else "top"):
             found.setdefault(room, Counter()).update(weight)
     return found
@@ -66,15 +66,21 @@ def is_number(node: ast.expr) -> bool:
     return bool(inside) and all(map(is_number, inside))
 
 
+def numbers(text: str) -> list[ast.Assign]:
+    """Return the assignments of a module's constants that are numbers."""
+    lines = text.splitlines()
+    return [node for node in ast.parse(text).body
+            if isinstance(node, ast.Assign) and is_number(node.value) and re.match(r"_?[A-Z]", lines[node.lineno - 1])]
+
+
 def test_each_number_with_a_name_has_its_reason():
     """Module constants that are numbers: a comment beside them, or above."""
     bare = []
-    for name, lines, tree in trees():
-        for node in tree.body:
-            if isinstance(node, ast.Assign) and is_number(node.value) and re.match(r"_?[A-Z]", lines[node.lineno - 1]):
-                above = lines[node.lineno - 2].lstrip() if node.lineno > 1 else ""
-                if not above.startswith("#") and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
-                    bare.append(f"{name}:{node.lineno}")
+    for name, lines, _ in trees():
+        for node in numbers("\n".join(lines)):
+            above = lines[node.lineno - 2].lstrip() if node.lineno > 1 else ""
+            if not above.startswith("#") and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
+                bare.append(f"{name}:{node.lineno}")
     assert not bare
 
 
