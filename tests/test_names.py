@@ -6,7 +6,7 @@ from orchestrator import config_from
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.gmsh_session import leave_out
 from orchestrator.scene.mesh.cad import Sizing, sizes_of
-from orchestrator.scene.names import look_alike, matching
+from orchestrator.scene.names import matching
 
 # pairs of which the first, read as a wildcard, means the second too, or the second instead
 PAIRS = [("v[1]", "v1"), ("M8*20", "M8x20"), ("a?", "ab"), ("rod", "rod/head"), ("v[!1]", "v2"), ("[", "("), ("Rod", "rod")]
@@ -29,13 +29,6 @@ def test_a_name_means_itself_alone(one, other):
     ("*", ["*", "a"], ["*", "a"]), ("[*]", ["*", "a"], ["*"]), ("rod ", ["rod"], [])])
 def test_what_names_nothing_is_a_part_or_a_wildcard(pattern, names, meant):
     assert matching(pattern, names) == meant
-
-
-@pytest.mark.parametrize("names, said",
-                         [(["v[1]", "v1"], "'v[1]'"), (["*", "a"], "* means all of them"), (["Rod", "rod"], "by case or blanks"),
-                                         (["rod 1", "rod1 "], "'rod1 '"), (["v[1]", "v2", "rod", "rod/a"], None)])
-def test_names_that_look_alike_are_told(names, said):
-    assert [said in text for text in look_alike(names, "volume")] == ([True] if said else [])
 
 
 def bar(**changes) -> dict:

@@ -30,7 +30,6 @@ from orchestrator.scene.mesh.geometry import node_areas, summed, tet_volumes
 from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.names import look_alike
 from orchestrator.scene.partition import make_partition, Partition
 
 
@@ -198,8 +197,7 @@ def _watched(config: Config, plain: Body, whole: Joined, problems: Problems) -> 
 def _remark(config: Config, body: Body, problems: Problems) -> None:
     """Add warnings of the mesh, of names, of histories without use."""
     mesh = body.mesh
-    problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"),
-                          *look_alike(mesh.surfaces, "surface")]
+    problems.warnings += mesh.remarks
     problems.warnings += odd_moduli(config.output.units,
                                     [(m.young, m.poisson) for m in config.matter])
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.scene.fits import exact_distance, fits, round_faces
 from orchestrator.scene.shapes import Shape, shape_of
@@ -22,7 +21,6 @@ from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Scene
 
 SHARED, COINCIDENT, APART, ROOM = "shared", "matching", "not matching", "with room"
@@ -127,47 +125,28 @@ MATTER = {"m": (1e7, 1.3e12), "mm": (1e1, 1.3e6)}
 
 @dataclass(frozen=True)
 class SurfaceRow:
-    """One named surface: number of triangles, area, centre, shape, and names of those that it
-    shares edges with.
-    """
+    """One named surface: number of triangles, area, centre, shape."""
 
     name: str
     triangles: int
     area: float
     centre: np.ndarray
     shape: Shape
-    neighbours: list[str]
 
 
 def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
     """Rows of the surfaces, in the order of the mesh."""
-    beside = _neighbours(mesh)
     for name, triangles in mesh.surfaces.items():
         each = areas(mesh.nodes, triangles)
         area = float(each.sum())
         if not area:
-            yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), Shape("empty"), [])
+            yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), Shape("empty"))
             continue
         centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / area
         shape = mesh.smooth.get(name, UNKNOWN)  # what the CAD model says, else what the nodes tell
         yield SurfaceRow(name, len(triangles), area, centre,
                          shape_of(mesh.nodes, triangles[each > 0]) if shape.kind == UNKNOWN.kind
-                         else shape, beside[name])
-
-
-def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
-    """Per surface those that it shares an edge with."""
-    names = list(mesh.surfaces)
-    edges = [edges_of(t[:, :3], TRIANGLE_EDGES)[0] for t in mesh.surfaces.values()]
-    if not edges:
-        return {}
-    owner, (low, high) = np.repeat(np.arange(len(names)),
-                                   [len(e) for e in edges]), np.concatenate(edges).T
-    edge = np.unique(low * len(mesh.nodes) + high, return_inverse=True)[1]
-    on = sp.csr_array((np.ones(len(edge)), (owner, edge)))
-    met = sp.coo_array(on @ on.T)
-    return {name: [names[k] for k in np.sort(met.col[(met.row == one) & (met.col != one)])]
-            for one, name in enumerate(names)}
+                         else shape)
 
 
 def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
@@ -212,23 +191,15 @@ def volume_table(mesh: Mesh, matter: Mapping[str, str] | None = None) -> list[st
 
 
 def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:
-    """Lines on surfaces; of a plane the normal, of a cylinder the axis; neighbours of the same
-    volume by what follows the colon.
-    """
-    return columns(("surface", "triangles", "area", "centre", "kind", "normal, axis", "beside"),
+    """Lines on surfaces; of a plane the normal, of a cylinder the axis."""
+    return columns(("surface", "triangles", "area", "centre", "kind", "normal, axis"),
                     [(r.name, str(r.triangles), _number(r.area), _point(r.centre), _kind(r.shape),
-                      "-" if r.shape.direction is None else _point(r.shape.direction),
-                      _short(r.name, r.neighbours) or "-") for r in rows])
+                      "-" if r.shape.direction is None else _point(r.shape.direction))
+                     for r in rows])
 
 
 def _kind(shape: Shape) -> str:
     return shape.kind if shape.radius is None else f"{shape.kind}, radius {_number(shape.radius)}"
-
-
-def _short(name: str, others: Sequence[str]) -> str:
-    start = name.rpartition(":")[0] + ":"
-    return " ".join(other.removeprefix(start[:-1]) if len(start) > 1 and other.startswith(start)
-                    else other for other in others)
 
 
 def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:

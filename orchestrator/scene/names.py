@@ -31,31 +31,6 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
         [name for name in names if fnmatchcase(name, pattern) or fnmatchcase(name, inside + "*")]
 
 
-def look_alike(names: Iterable[str], what: str) -> list[str]:
-    """A sentence for each name that means others too when it is read as a wildcard, and for those
-    that differ by case or blanks only.
-
-    what : of what these are the names, in the singular ("surface")
-    """
-    names, said = list(names), []
-    for one in names:
-        others = [name for name in names if name != one
-                  and fnmatchcase(name, one)] if set(one) & set("*?[") else []
-        if others:
-            said.append(
-                f"{what} {one!r} has a name that would mean {some(others, 3)}, too, as a wildcard: "
-                + (
-                "* means all of them" if one == "*" else "who writes it means it alone"))
-    alike: dict[str, list[str]] = {}
-    for name in names:
-        alike.setdefault("".join(name.split()).casefold(), []).append(name)
-    return said + [
-        f"names of {what}s that differ by case or blanks only: "
-        f"{some([repr(name) for name in same], 4)}; they count as different, and are to be written "
-        "as they are" for same in alike.values()
-        if len(same) > 1]
-
-
 def patterns_of(on: str | Iterable[str] | None) -> list[str]:
     """A name, a list of names, or nothing (everything) as a list of patterns."""
     if on is None:

@@ -18,8 +18,7 @@ from orchestrator.results.report.document import plain, section, table
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import filled
 from orchestrator.results.summary.sentences import largest, ROUNDED, shown_statuses, vector
-from orchestrator.results.summary.summary import jsonable, STAGES, View
-from orchestrator.results.summary.workload import PERIODS
+from orchestrator.results.summary.summary import jsonable, View
 
 Entry = Mapping[str, object]
 
@@ -56,20 +55,6 @@ QUANTITIES = [
     (FIXED_POINT, "‖F(s) − s‖ / ‖F(s)‖, in the same norm",
      "what nonlinear parts truly do against what is extrapolated"),
     ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance")]
-LEAST = 5e-3  # share of a period from which a stage is worth a row
-# times in seconds, shares of the period
-WORK = {
-    "stages": {"stage": "{name}", "rank": "{rank}", "calls": "{calls}", "seconds": "{seconds:.2f}",
-               "waiting for other ranks": "{waiting:.2f}", "share": "{share:.1%}"},
-    "workers": {"rank": "{rank}", "worker": "{worker}", "subdomains": "{models}",
-                "dofs": "{dofs:,}", "calls": "{calls}", "start": "{start:.2f}",
-                "assemble": "{assemble:.2f}", "factorise": "{factorise:.2f}",
-                "solve": "{solve:.2f}", "messages": "{messages:.2f}", "waiting": "{waiting:.2f}",
-                "idle": "{idle:.2f}", "idle share": "{idle_share:.1%}"},
-    "ranks": {"rank": "{rank}", "seconds": "{seconds:.2f}",
-              "waiting for other ranks": "{waiting:.2f}", "idle share": "{idle_share:.1%}",
-              "messages": "{messages:,}", "of them sums": "{reductions:,}",
-              "bytes sent": "{bytes:,}", "peak memory MB": "{memory_peak_mb:,.0f}"}}
 
 
 @dataclass(frozen=True)
@@ -229,7 +214,7 @@ def _errors(s: View, history: Mapping[str, Sequence[float]]) -> Iterator[Table]:
 
 
 def _time(s: View) -> Iterator[Table]:
-    """Stages, codes, and who did what."""
+    """Stages and codes."""
     total = s.timing.get("total")
     rows = [{"name": label, "seconds": x, "share": x / total} for label, x in s.stages] if total \
         else []
@@ -244,12 +229,3 @@ def _time(s: View) -> Iterator[Table]:
                 [entry | {"count": len(entry["subdomains"]), "loads": sum(
                     note["unit_loads"] for note in entry["compliances"])} for entry in s.codes],
                 "Seconds of CPU.")
-    for key, period in s.workload.items():
-        stages = sorted((row | {"name": STAGES.get(row["stage"], row["stage"])}
-                         for row in period["stages"] if row["share"] >= LEAST),
-                        key=lambda row: (row["rank"], -row["seconds"]))
-        ranks = period.get("ranks") or ()
-        for (what, columns), of in zip(WORK.items(), (
-                stages, period["workers"], ranks if len(ranks) > 1 else ())):
-            yield Table(f"Who did what: {PERIODS[key]}, {period['seconds']:.2f} s, {what}",
-                        columns, of)

@@ -23,7 +23,6 @@ from orchestrator.timing import Stopwatch
 if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one
     from orchestrator.scene.model import Scene
 
-PERIODS = {"set_up": "set-up", "iterations": "iterations"}
 _TABLES = ("stages", "workers", "ranks")
 
 Record = dict[str, dict[str, object]]
