@@ -66,6 +66,8 @@ _LISTED = {
     "bolts": ("studies.bolts:run",
               "eight bolts tightened one round after another, beside CalculiX's pre-tension sections on the same mesh"),
     "lap_joint": ("studies.lap_joint:run", "a lap joint of two bolts, pulled until it slips: by hand and beside CalculiX"),
+    "sweeps": ("studies.sweeps:run",
+               "sweeps of frictions, preloads, forces that begin with their neighbours: CPU and errors beside runs from zero"),
     "faults": ("studies.faults:run",
                "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
     "falsified": ("studies.falsified:run",
@@ -82,7 +84,8 @@ _LISTED = {
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }
-KEPT = frozenset(("certified", "contact_race", "gallery", "grains", "large", "load_paths", "metamorphic", "places"))  # row by row, for ``--resume``
+# row by row, for ``--resume``
+KEPT = frozenset(("certified", "contact_race", "gallery", "grains", "large", "load_paths", "metamorphic", "places", "sweeps"))
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
 
 

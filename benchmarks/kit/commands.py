@@ -34,15 +34,15 @@ def without_ranks() -> str | None:
     return None if launcher().is_file() else f"no {launcher()}"
 
 
-def orchestrate(path: Path, *options: str, ranks: int = 1, temporary: Path | None = None) -> subprocess.Popen:
-    """``orchestrator run`` under way, its output collected; over several ranks by ``launcher``; ``temporary``: for TMPDIR."""
-    command = [sys.executable, "-m", "orchestrator", "run", str(path), *options]
+def orchestrate(path: Path, *options: str, ranks: int = 1, temporary: Path | None = None, command: str = "run") -> subprocess.Popen:
+    """``orchestrator run``, or another command, under way, its output collected; over several ranks by ``launcher``; ``temporary``: for TMPDIR."""
+    words = [sys.executable, "-m", "orchestrator", command, str(path), *options]
     environment = {**os.environ, **({} if temporary is None else {"TMPDIR": str(temporary)})}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installation has its bytecode
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, (_CLONE, environment.get("PYTHONPATH"))))
     if ranks > 1:
-        command, environment = [str(launcher()), "-n", str(ranks), *command], {**environment, **MPI}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+        words, environment = [str(launcher()), "-n", str(ranks), *words], {**environment, **MPI}
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
 def whole_command(study: Study, name: str, config: Mapping[str, Any] | Path, ranks: int = 1, *, output: str = "",
