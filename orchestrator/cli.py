@@ -145,12 +145,15 @@ def run(config: ConfigFile, overrides: Overrides = None,
         reference: flag("--reference", "also solve undecomposed; report the true error") = False,
         quiet: flag("--quiet", "print nothing but errors") = False,
         verbose: flag("--verbose", "print all of the summary, not only what most look for") = False,
+        start_from: Annotated[Optional[Path], typer.Option(
+            metavar="DIR", help="begin with the state that the run of another results folder has "
+            "ended with: same mesh, other loads, friction, gaps or tolerance")] = None,
         ) -> int | None:
     """Solve a problem and write its results."""
     from orchestrator.launch import launch
 
     return launch(config, overrides or [], verbose, output=output, resume=resume,
-                  reference=reference, quiet=quiet)
+                  reference=reference, quiet=quiet, start_from=start_from)
 
 
 @command(SOLVE)
@@ -169,7 +172,7 @@ def sweep(config: ConfigFile,
     each.
     """
     from orchestrator.launch import join
-    from orchestrator.sweep.variants import variants_of
+    from orchestrator.sweeps.variants import variants_of
 
     if join().size > 1:
         raise wrong((), "a sweep on several ranks",
@@ -177,7 +180,7 @@ def sweep(config: ConfigFile,
                     "start it without mpiexec; or each variant by itself, mpiexec orchestrator "
                     "run … --set …")
     variants = variants_of(vary or [], zipped)
-    from orchestrator.sweep.sweep import Sweep
+    from orchestrator.sweeps.sweep import Sweep
 
     return Sweep(config, overrides or [], variants,
                  output or Path("results") / f"{config.stem}_sweep", figures, quiet).run(resume)

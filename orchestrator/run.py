@@ -19,10 +19,11 @@ from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
+from orchestrator.results.starting import Choose
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.solving import Ranks, scene_of, solve, solved_anew
+from orchestrator.solving import Ranks, scene_of, solve
 from orchestrator.timing import Stopwatch
 
 
@@ -38,6 +39,7 @@ class Means:
     label : what the run is of several, for progress, which is told then even where it is quiet
     judge : given the solution before anything is written of it, gives what is to be written; None:
         as it is
+    choose : chooses among other runs whose states may serve to begin with; None: none do
     """
 
     ranks: Ranks = Ranks()
@@ -47,16 +49,18 @@ class Means:
     verbose: bool = False
     label: str = ""
     judge: Callable[[Solution], Solution] | None = None
+    choose: Choose | None = None
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
-        reference: bool = False,
+        reference: bool = False, start_from: Path | None = None,
         quiet: bool = False, means: Means = Means()) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
     output : the results folder; None: the configuration's
     resume : go on from the checkpoint there
     reference : also solve undecomposed
+    start_from : folder of a run of the same mesh whose state this one begins with
     Returns exit code: 0 converged, 1 stopped without converging
     InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and
         checkpoint have been saved
@@ -70,14 +74,12 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
         with closing(Progress(quiet and not means.label, label=means.label)) as progress:
             _make_ready(folder, config, resume)
             scene = scene_of(config, progress, watch, means.meshed)
-            with closing(Record(folder, config, scene, watch, artist, resume=resume)) as record:
+            with closing(Record(folder, config, scene, watch, artist, resume=resume,
+                                start_from=start_from, choose=means.choose)) as record:
                 team.share((config, reference))
-                told = [*record.subscribers, progress]
-                solution = solve(config, scene, told, reference=reference, start=record.start,
-                                 watch=watch, ranks=means.ranks)
-                if means.judge is None:  # who judges a mesh asks for the energy error
-                    solution = solved_anew(config, solution, told, watch, means.ranks,
-                                           means.meshed)
+                solution = solve(config, scene, [*record.subscribers, progress],
+                                 reference=reference, start=record.start, watch=watch,
+                                 ranks=means.ranks)
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                         solution.joints, folder.of_part)

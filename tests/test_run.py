@@ -211,7 +211,7 @@ def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
                             "--set", "output.fields=false")
     assert code == 0
     assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "extremes.csv",
-                                                                     "interfaces.csv", "mine.txt", "measured.vtu", "holiday.png",
+                                                                     "interfaces.csv", "state.npz", "mine.txt", "measured.vtu", "holiday.png",
                                                                      "manifest", "lock"}
     assert (out / "mine.txt").read_text() == "old"
 

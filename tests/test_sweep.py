@@ -12,7 +12,7 @@ from in_process import InProcessWorker
 from orchestrator.errors import InputError
 from orchestrator.results.compare import compare
 from orchestrator.results.solution import Solution
-from orchestrator.sweep.variants import variants_of
+from orchestrator.sweeps.variants import variants_of
 
 
 @pytest.fixture
@@ -49,10 +49,10 @@ def test_what_is_no_sweep_is_told(asked, zipped, found):
         variants_of(asked, zipped)
 
 
-def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, loads):
+def test_cold_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, loads):
     path = blocks(tmp_path)
     folder = tmp_path / "sweep"
-    done = call("sweep", path, "--vary", "interfaces.0.friction=0.1,0.4", "--output", folder)
+    done = call("sweep", path, "--vary", "interfaces.0.friction=0.1,0.4", "--set", "method.start=cold", "--output", folder)
     assert done.exit_code == 0, done.output
     once = Counter(loads)
     assert call("run", path, "--set", "interfaces.0.friction=0.4", "--output", tmp_path / "alone").exit_code == 0

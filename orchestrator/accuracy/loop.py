@@ -49,7 +49,7 @@ UNMEASURED = (
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False,
         means: one.Means = one.Means(),
-        **options: bool) -> int:
+        **options: object) -> int:
     """As ``orchestrator.run.run``, which is all where no accuracy is asked for; else again and
     again, in the same folder.
 
@@ -120,7 +120,7 @@ class _Refinement:
                     raise
                 team.part(cause)
                 return self._ended(NOT_CONVERGED, f"the next mesh cannot be solved on: {cause}")
-            resume = False
+            resume, options = False, options | {"start_from": None}
             if self.unsolved and put_back(folder):
                 return self._ended(NOT_CONVERGED,
                                    f"on mesh {len(self.passes.done)} the iterations have not "

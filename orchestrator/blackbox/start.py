@@ -10,11 +10,10 @@ made anew.
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +25,7 @@ from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
+from orchestrator.kept import key_of
 from orchestrator.registry import CODES, FOREIGN
 from orchestrator.scene.model import Scene
 
@@ -183,21 +183,3 @@ class KeptBlackBox(BlackBox):
     def end(self) -> None:
         """End all processes and remove all files."""
         self.inner.close()
-
-
-def key_of(model: Model) -> bytes:
-    """Hash of all that a model is: equal for models that are, to the last byte."""
-    digest = hashlib.sha256()
-
-    def take(value: object) -> None:
-        if isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype}{value.shape}".encode())
-            digest.update(np.ascontiguousarray(value).data)
-        elif is_dataclass(value):
-            for field in fields(value):
-                take(getattr(value, field.name))
-        else:
-            digest.update(f"{value!r};".encode())
-
-    take(model)
-    return digest.digest()

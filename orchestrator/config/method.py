@@ -201,6 +201,9 @@ class Method(Part):
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search "
         "direction"))
+    start: Literal["near", "cold"] = Field("near", description=(
+        "what a variant of a sweep begins with; near: the states of solved variants near it; cold: "
+        "zero, as with friction the start may decide between several solutions"))
     skip: Skip = Field(Skip(),
                        description=(
                            "work that is left out because the result does not need it; all of it "

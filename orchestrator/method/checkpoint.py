@@ -33,6 +33,7 @@ COMMON = "common"
 _EVALUATED = ("trace/s", "boundary/u", "macro/alpha")
 _DELIVERED = tuple(f"{kind}/delivered.{name}" for kind, name in zip(
     ("trace", "boundary", "macro", "trace", "trace"), ("s", "u", "alpha", "w", "f")))
+HATS = "trace/hat.w", "trace/hat.f"
 _ANCHOR = "trace/delivered.anchor"
 # kind → number of each of this rank's columns in the whole scene
 Numbers = Mapping[str, np.ndarray]
@@ -82,6 +83,8 @@ class Checkpoint:
             arrays |= own
         if ended:
             arrays |= dict(zip(_DELIVERED, now.best.rows))
+            # where another run may begin, see ``Start``; perfect interfaces form no ŵ and f̂
+            arrays |= zip(HATS, (now.local.hats or now.best.rows[3:])[:2])
             if now.best.anchor is not None:
                 arrays[_ANCHOR] = now.best.anchor[:, : problem.space.size]
             notes["event"] = event.content
@@ -167,10 +170,14 @@ class Start:
 
     state : (T, D) s; None: zero, and in an increment of load steps the last state of the one
         before; checkpoints of increments: those that they have ended with
+    others : other runs' ends, ŵ and f̂ of all load steps: a combination of their states s =
+        f̂ + k ŵ, with this run's search direction, is the state
+    shares : what of each goes into it
     iteration, sweeps : done so far, set-up not counted
     seconds : spent so far
     ended : the last checkpoint of each increment that is done
     latest : the last checkpoints of the increment under way, as many as are needed
+    origin : of these others, as they are told
     """
 
     state: np.ndarray | Sequence[Checkpoint] | None = None
@@ -179,6 +186,9 @@ class Start:
     seconds: float = 0.0
     ended: Sequence[Checkpoint] = ()
     latest: Sequence[Checkpoint] = ()
+    others: Sequence[Checkpoint] = ()
+    shares: Sequence[float] = ()
+    origin: Any = None
 
     @staticmethod
     def handed_out(start: Start | None, d: Decomposition) -> Start:
@@ -211,8 +221,19 @@ class Start:
             state = state[:, numbers["trace"]]
         elif state is not None:
             state = np.vstack([part(x).arrays[_DELIVERED[0]] for x in state])
+        elif start.others:
+            state = 0.0
+            for share, found in zip(start.shares, map(part, start.others)):
+                w, f = (found.arrays[name] for name in HATS)
+                start._refuse(len(w) != d.steps, HATS[0], f"{len(w)} load steps")
+                state = state + share * (f + d.stage.direction.times(w))
         return replace(start, state=state, ended=[part(x) for x in start.ended],
                        latest=[part(x) for x in start.latest])
+
+    @property
+    def near(self) -> dict[str, Any]:
+        """Return what monitors are given of the other run: what its own knew at its end."""
+        return {"near": self.others[0].notes["states"]} if self.others else {}
 
     def _refuse(self, wrong: bool, name: str, what: str) -> None:
         if wrong:

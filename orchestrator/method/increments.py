@@ -74,7 +74,7 @@ class _Run:
     def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int],
                  start: Start, given: dict[str, Any]):
         self.d, self.method, self.watch, self.numbers = d, method, watch, numbers
-        self.start, self.given, self.plan = start, given, Plan(d, method, numbers)
+        self.start, self.given, self.plan = start, given | start.near, Plan(d, method, numbers)
         self.plan.resume(start.ended, start.latest)
         self.state = np.zeros(
             (d.steps, d.space.size)) if start.state is None else start.state.copy()
@@ -141,6 +141,8 @@ class _Run:
         if latin.problem.nonlinear is not None:
             self.state[steps] = foreseen(latin.problem, self.method, self.state[steps],
                                          self.numbers[steps], self.watch)
+        if coarse is not None and self.start.origin:  # bodies are near their places
+            coarse.begun = True
         latin.s = self.state[steps].copy()  # those who listen write into what they were given
 
     def _iterated(self, latin: Latin, most: int, told: Subscriber) -> Iterated | None:
@@ -150,7 +152,7 @@ class _Run:
         """
         plan, history = self.plan, self.lost
         increment, path = plan.now, {"steps": self.d.steps, "part": [plan.now.begin, plan.now.end],
-                                     "path": list(plan.path)}
+                                     "path": list(plan.path), "origin": self.start.origin}
         plan.least = np.inf, latin.number
         while True:
             now = latin.iterate()

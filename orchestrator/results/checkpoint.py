@@ -26,7 +26,7 @@ from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 from orchestrator.results.manifest import CHECKPOINT
 
-VERSION = 9  # of what is in the files: part of the problem, see ``Record``
+VERSION = 10  # of what is in the files: part of the problem, see ``Record``
 NAME, PROBLEM, RESERVE, FILES = "checkpoint", "problem.json", "reserve", "iteration-*.npz"
 TOLD = [f.name for f in fields(Checkpoint) if f.name != "arrays"]
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
@@ -114,11 +114,13 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
             last = done[-1]
             states = [x for x in done if x.notes["part"][1] == 1]
             done = done[:next(i for i, x in enumerate(done) if not x.notes["met"])]
-            return Start(states, last.iteration, last.notes["sweeps"], last.notes["seconds"], done)
+            return Start(states, last.iteration, last.notes["sweeps"], last.notes["seconds"], done,
+                         origin=last.notes["origin"])
     if not done and not latest:
         return None
     last = (latest or done)[-1]
-    return Start(None, last.iteration, last.notes["sweeps"], last.notes["seconds"], done, latest)
+    return Start(None, last.iteration, last.notes["sweeps"], last.notes["seconds"], done, latest,
+                 last.notes["origin"])
 
 
 def number(file: Path) -> int:

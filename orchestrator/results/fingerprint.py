@@ -18,7 +18,8 @@ import numpy as np
 # When to stop, where to write, who computes and how long it may take change nothing in what a state
 # means.
 _FREE = {"name", "output", "blackbox.workers", "blackbox.transport", "blackbox.timeout",
-         "parts.program.timeout", "method.tolerance", "method.max_iterations"}
+         "parts.program.timeout", "method.tolerance", "method.max_iterations",
+         "method.start"}
 _SHORT = 40  # signs of a value in a message
 
 

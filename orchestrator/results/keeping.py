@@ -50,11 +50,13 @@ class CheckpointWriter(Subscriber):
         self._path = folder.path.absolute() / NAME
         # file → iteration after which it is needed no more; what nobody goes on from goes first
         self._spare: dict[Path, float] = {}
+        self._ended: dict[int, Path] = {}
         if start is not None:
             self._spare = dict.fromkeys(self._path.glob(FILES), -math.inf)
             self._spare |= {self._path / x.file.name: x.iteration for x in start.latest}
             for x in start.ended:
                 self._spare.pop(self._path / x.file.name, None)
+                self._ended[x.increment] = self._path / x.file.name
         self._reserved, self.keeps, self._synced = False, True, time.monotonic()
         self._reserve_file = self._path / RESERVE
 
@@ -77,6 +79,11 @@ class CheckpointWriter(Subscriber):
         if not checkpoint.ended or self._tried(self._write, checkpoint):
             self._go_on_without(error)
         self.keeps = False
+
+    @property
+    def ended(self) -> list[Path]:
+        """The last file of each increment, in order."""
+        return [self._ended[number] for number in sorted(self._ended)]
 
     def remove(self) -> None:
         """Remove the checkpoint: all results are there."""
@@ -106,13 +113,13 @@ class CheckpointWriter(Subscriber):
             path.unlink(missing_ok=True)
 
     def _reserve(self, checkpoint: Checkpoint) -> None:
-        """Take the room that the end of the run will need: what is known now, and five fields."""
+        """Take the room that the end of the run will need: what is known now, and seven fields."""
         self._reserved = True
         begun(self._folder)
         width = max(array.shape[1] for name, array in checkpoint.arrays.items()
                     if kind_of(name) == "trace")
         size = sum(array.nbytes for array in checkpoint.arrays.values())
-        error = self._tried(self._take, size + 8 * 5 * checkpoint.notes["steps"] * width + MARGIN)
+        error = self._tried(self._take, size + 8 * 7 * checkpoint.notes["steps"] * width + MARGIN)
         if error is not None:
             with self._folder.guarded(f"what the end of the run will need ({error.strerror})"):
                 raise error
@@ -150,3 +157,5 @@ class CheckpointWriter(Subscriber):
         self._spare.pop(path, None)
         if not checkpoint.ended:
             self._spare[path] = checkpoint.iteration
+        else:
+            self._ended[checkpoint.increment] = path

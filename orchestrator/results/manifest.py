@@ -29,7 +29,8 @@ FOLDERS = ("fields", "figures", "checkpoint", PARTS)
 CHECKPOINT = r"checkpoint/(iteration-\d{6,}\.npz|reserve|problem\.json)"
 # Names that a run writes under; programs that are parts have folders of their own beside.
 RESULTS = (
-    r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
+    r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|(fields|state)\.npz"
+    r"|traceback\.txt"
            r"|fields/((step|interface)_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|deformed|interfaces)\.png"
            rf"|{CHECKPOINT})")

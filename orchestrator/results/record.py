@@ -9,9 +9,11 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
+from orchestrator.errors import (
+    InputError, InternalError, OrchestratorError, lacks_memory, wrong)
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import (
@@ -23,12 +25,18 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.results.solution import Solution
+from orchestrator.results.starting import (
+    Choose, keep_state, layout_of, nearest_start, started_from)
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
 from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.overlap import by_nodes
 from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
+OTHERS = ("the run has begun with the state of another one: where friction allows several "
+          "solutions the start may decide; without --start-from, or in a sweep with method.start: "
+          "cold, it begins at zero")
 GO_ON = "To go on: the same command with --resume."
 
 
@@ -37,6 +45,8 @@ class Record(Subscriber):
 
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
+    start_from : folder of another run whose state this one begins with; choose: the folders of
+        several, if any fit
     start : where the run goes on from; None at the beginning
     scene, watch : as given
     artist : who draws the figures; None: nobody, as where none are asked for or nothing that draws
@@ -47,7 +57,8 @@ class Record(Subscriber):
 
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch,
                  artist: Artist | None = None, *,
-                 resume: bool = False):
+                 resume: bool = False, start_from: Path | None = None,
+                 choose: Choose | None = None):
         problem = problem_of(config.complete(), scene.prints)
         problem["version of checkpoints"] = str(VERSION)
         key = digest_of(problem)
@@ -55,6 +66,13 @@ class Record(Subscriber):
         if resume and self.start is None:
             print(f"No iteration is kept in {folder.path}: the run begins at its beginning.",
                   file=sys.stderr)
+        self._layout = layout_of(scene, by_nodes(scene, config.method))
+        if self.start is None and (start_from or choose):
+            if start_from and start_from.absolute() == folder.path.absolute():
+                raise wrong((), f"--start-from {start_from}, the folder that this run writes to",
+                            "another run's", "give this run another one with --output")
+            self.start = (started_from(start_from, self._layout) if start_from
+                          else nearest_start(choose, self._layout))
         if not resume:
             folder.clear()
             begun(folder)
@@ -62,7 +80,7 @@ class Record(Subscriber):
         self.scene, self.watch, self._config, self._folder = scene, watch, config, folder
         self._last, self._artist = None, artist
         self._checkpoint = CheckpointWriter(folder, key, self.start)
-        self._history = HistoryWriter(folder, self.start and self.start.iteration)
+        self._history = HistoryWriter(folder, self.start and self.start.iteration or None)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is
         # cut off on resuming
         self.subscribers = [self._history, self, self._checkpoint]
@@ -79,6 +97,9 @@ class Record(Subscriber):
         """
         summary, folder = solution.summary, self._folder
         warnings = summary["warnings"] = list(summary.get("warnings") or ())
+        summary["started_from"] = self.start and self.start.origin
+        if summary["started_from"] and any(i.has_history for i in self.scene.interfaces):
+            warnings.append(OTHERS)
         try:
             self._history.complete()
             with self.watch("output"):
@@ -94,6 +115,11 @@ class Record(Subscriber):
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; "
                            "--resume writes them")
             raise
+        try:
+            keep_state(folder, self._checkpoint.ended, self._layout)
+        except InputError as error:
+            warnings.append(f"no run can begin with this one's end: {error.problems[0].found}")
+            self._summarise(summary)
         if solution.converged:
             self._checkpoint.remove()
         if self._artist:

@@ -134,9 +134,9 @@ class Solution:
         return cls(summary, read_history(path), read_npz(path), read_tables(path), path)
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Write what ``orchestrator run`` leaves in its folder, figures excepted: summary,
-        history, fields, tables. ``read`` gives the same back. What an earlier run has left there
-        goes, as with ``run``; programs that are parts are not told of their results.
+        """Write what ``orchestrator run`` leaves in its folder, figures and state excepted:
+        summary, history, fields, tables. ``read`` gives the same back. What an earlier run has left
+        there goes, as with ``run``; programs that are parts are not told of their results.
 
         Returns the folder
         Raises InputError: it cannot be written to, or files that are not this program's are in the

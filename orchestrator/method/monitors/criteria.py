@@ -138,8 +138,8 @@ class LawCriterion(Criterion):
     then the energy error, where it is asked for.
 
     certified : whether it is
-    at, residual, energy_error : iteration, law residual and E of the last evaluation; infinite
-        before the first
+    at, residual, energy_error : iteration, law residual and E of the last evaluation; before the
+        first infinite, or those of the run whose state this one began with
     since : the same of the evaluation that E has to fall below
     asked : E when springs were last asked to become weaker
     waited : how often E stood still though laws hold well
@@ -153,6 +153,9 @@ class LawCriterion(Criterion):
         self.groups = judged_together(case.problem.scene, case.lengths)
         self.certified = case.problem.certificate is not None and case.by_error
         self.at, self.residual, self.energy_error, self.waited = 0, np.inf, np.inf, 0
+        near = case.given.get("near", {}).get(self.name)
+        if near and np.isfinite(near["energy_error"]):  # what E is beside the residual
+            self.residual, self.energy_error = near["residual"], near["energy_error"]
         self.since, self.asked = (0, np.inf, np.inf), np.inf
 
     @classmethod

@@ -98,6 +98,7 @@ LINES = (
         "nonlinear",
         False),
     SummaryLine("warning", "{}", "warnings"),
+    SummaryLine("begun with", "{run}‹, {share:.3g} of its state›", "started_from", False),
     SummaryLine("size", sentences.size),
     SummaryLine("time", "{timing[total]:.2f} s"),
     SummaryLine("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step",

@@ -20,8 +20,8 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "summary.json"
 KEYS = (
-    "name converged stop_reason advice iterations sweeps newton_steps coarse_ends sole_scale "
-    "indicator error_bound error_kind error_factor true_error error_shares backward "
+    "name converged stop_reason advice started_from iterations sweeps newton_steps coarse_ends "
+    "sole_scale indicator error_bound error_kind error_factor true_error error_shares backward "
     "discretisation_error accuracy tolerance residuals stabilised places element dofs subdomains "
     "interfaces interface_nodes load_steps energy peak_stress peak_displacement reactions "
     "reaction_names reaction_kinds reaction_moments probes paths status_counts "
@@ -30,9 +30,9 @@ KEYS = (
     "versions memory_peak_mb rank_memory_peak_mb config").split()
 MORE_KEYS = ("workers", "nonlinear")  # of which some runs know
 LISTS = (
-    "advice energy reactions reaction_names reaction_kinds probes paths interface_resultants "
-    "contact_faces bolts tools load_path limit_load detached weakly_held unbalanced far_bodies "
-    "warnings codes").split()
+    "advice started_from energy reactions reaction_names reaction_kinds probes paths "
+    "interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held "
+    "unbalanced far_bodies warnings codes").split()
 MAPPINGS = (
     "sweeps error_shares accuracy residuals stabilised places peak_stress peak_displacement "
     "reaction_moments status_counts backward timing workload versions config").split()
@@ -166,6 +166,10 @@ def numbers_of(s: View) -> dict[str, float]:
     found: dict[str, object] = {"iterations": s.iterations, "error_bound": s.error_bound,
                                 "discretisation_error": s.discretisation_error,
                                 "seconds": s.timing.get("total")}
+    for face in s.contact_faces:
+        found["friction_used"] = max(found.get("friction_used", 0.0), face["used"][-1] or 0.0)
+        if face["slips"] and face["slips"]["at"] is not None:
+            found["slip_load"] = min(found.get("slip_load", math.inf), face["slips"]["at"])
     for key, _, _, values in quantities(s):
         last = (values or [None])[-1] if isinstance(values, list) else values
         found |= {f"{key}.{axis}": x for axis, x in zip("xyz", last)} if isinstance(last, list) \

@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.kept import kept
 from orchestrator.rounding import PLACED
 from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
@@ -162,6 +163,7 @@ def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
 
 
+@kept
 def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
                given: np.ndarray | None = None, held: np.ndarray | None = None) -> Surface:
     """The smooth surface that facets stand for.

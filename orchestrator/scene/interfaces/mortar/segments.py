@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.kept import kept
 from orchestrator.rounding import SAME, WRITTEN
 from orchestrator.scene.interfaces.opposite import Triangles, opposite
 
@@ -92,6 +93,7 @@ class Segments:
         return np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]), one, two
 
 
+@kept
 def find_segments(slave: Triangles, master: Triangles, reach: np.ndarray,
                   cosine: float = FACING) -> Segments:
     """All overlaps of facets that face each other, ordered by slave, then by master.

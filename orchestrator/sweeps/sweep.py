@@ -2,24 +2,28 @@
 have in common.
 
 The mesh is made again only where what makes it varies; processes of codes, models and factors are
-kept where no model changes (see ``blackbox.start``). Every variant begins without what the one
-before has found, so that its folder holds what ``run`` would have written.
+kept where no model changes (see ``blackbox.start``), and so is what follows from geometry alone
+(``kept``). A variant begins with the states of those near it (``nearest``), unless ``method.start``
+is cold; it ends by the same criterion as ``run`` alone.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from orchestrator.accuracy.loop import run
 from orchestrator.blackbox.start import KeptCodes
 from orchestrator.config.load import Loaded, load_config, located
 from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problems
+from orchestrator.kept import while_kept
 from orchestrator.optional import absent
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.fingerprint import digest_of, problem_of
@@ -28,8 +32,9 @@ from orchestrator.results.summary.summary import numbers_of, read_summary, View
 from orchestrator.results.record import GO_ON
 from orchestrator.run import Means, Ranks
 from orchestrator.scene.body import Meshed
-from orchestrator.sweep.table import Screen, drawn, write_table
-from orchestrator.sweep.variants import Variant
+from orchestrator.sweeps.nearest import chained, places_of, start_near
+from orchestrator.sweeps.table import Screen, drawn, NAME as TABLE, rows_of
+from orchestrator.sweeps.variants import Variant, variants_of
 from orchestrator.timing import Stopwatch
 
 NOTES, PICTURE = "sweep.json", "sweep.png"
@@ -45,6 +50,7 @@ class Outcome:
     numbers : of its summary, see ``numbers_of``
     fingerprint : of all that decides its results
     kept : it was there from an earlier sweep
+    started_from : names of the variants that it began with
     """
 
     exit_code: int = NOT_BEGUN
@@ -52,6 +58,7 @@ class Outcome:
     numbers: dict[str, float] = field(default_factory=dict)
     fingerprint: str = ""
     kept: bool = False
+    started_from: str = ""
 
 
 class Sweep:
@@ -77,6 +84,7 @@ class Sweep:
         self.outcomes = {variant.name: Outcome() for variant in variants}
         self.units: dict[str, str] = {}
         self._meshed, self._codes = Meshed(), KeptCodes()
+        self._places = places_of(variants)
 
     def run(self, resume: bool = False) -> int:
         """Run all variants; those that fail keep no other from running.
@@ -93,17 +101,21 @@ class Sweep:
                     before[one["name"]] = Outcome(one["exit_code"], fingerprint=one["fingerprint"])
             screen = Screen(self.variants, self.quiet)
             try:
-                for variant, loaded in zip(self.variants, self._loaded):
-                    self._one(variant, loaded, before.get(variant.name))
-                    self._write()
-                    screen.row(variant, self.outcomes[variant.name])
+                with while_kept() as begin:
+                    for number in chained(self._places):
+                        variant = self.variants[number]
+                        begin()
+                        self._one(number, before.get(variant.name))
+                        self._write()
+                        screen.row(variant, self.outcomes[variant.name])
             finally:
                 self._codes.end()
             self._draw()
             screen.end(self.folder.path, list(self.outcomes.values()))
         return max(outcome.exit_code for outcome in self.outcomes.values())
 
-    def _one(self, variant: Variant, loaded: Loaded | InputError, before: Outcome | None) -> None:
+    def _one(self, number: int, before: Outcome | None) -> None:
+        variant, loaded = self.variants[number], self._loaded[number]
         outcome, path = self.outcomes[variant.name], self.folder / variant.name
         try:
             if isinstance(loaded, InputError):
@@ -115,12 +127,18 @@ class Sweep:
                 outcome.exit_code = CONVERGED
             else:
                 self._write()  # what has been begun, to be gone on with
-                label = f"variant {1 + self.variants.index(variant)} of {len(self.variants)}"
+                label = f"variant {1 + number} of {len(self.variants)}"
                 means = Means(Ranks(codes=self._codes), meshed=self._meshed, watch=Stopwatch(),
-                              label="" if self.quiet else label)
+                              label="" if self.quiet else label,
+                              choose=None if loaded.config.method.start == "cold"
+                              else partial(self._near, number))
                 outcome.exit_code = run(loaded, output=path,
                                         resume=same and saved(ResultsFolder(path)), quiet=True,
                                         means=means)
+                if outcome.exit_code == NOT_CONVERGED and View(_summary(path)).started_from:
+                    # no start keeps a variant from what it ends with alone
+                    outcome.exit_code = run(loaded, output=path, quiet=True,
+                                            means=replace(means, choose=None, watch=Stopwatch()))
         except OrchestratorError as error:
             self._codes.end()
             outcome.exit_code, outcome.why = error.exit_code, (
@@ -134,8 +152,19 @@ class Sweep:
         if outcome.exit_code in (CONVERGED, NOT_CONVERGED) and (summary := _summary(path)):
             view = View(summary)
             outcome.numbers, self.units = numbers_of(view), view.unit
+            outcome.started_from = " ".join(Path(one["run"]).name for one in view.started_from)
             if outcome.exit_code:
                 outcome.why = outcome.why or str(view.stop_reason)
+
+    def _near(self, number: int, fits: Callable[[Path], bool]) -> dict[Path, float]:
+        """Return the folders of those that a variant begins with, and what of each, see
+        ``start_near``.
+        """
+        folders = [self.folder / variant.name for variant in self.variants]
+        shares = start_near(self._places, number, lambda other: (
+            self.outcomes[self.variants[other].name].exit_code == CONVERGED
+            and fits(folders[other])))
+        return {folders[other]: share for other, share in shares.items()}
 
     def _fingerprint(self, config: Config) -> str:
         """Fingerprint of all that decides the results: values, contents of files, the mesh."""
@@ -150,7 +179,7 @@ class Sweep:
 
     def _write(self) -> None:
         """The table, and how far the sweep has come."""
-        write_table(self.folder, self.variants, self.outcomes)
+        self.folder.write_table(TABLE, rows_of(self.variants, self.outcomes))
         notes = [{"name": v.name, "values": v.values, **vars(self.outcomes[v.name])}
                  for v in self.variants]
         self.folder.write(NOTES, json.dumps({"variants": notes}, indent=1) + "\n")
@@ -178,3 +207,46 @@ def _summary(path: Path) -> dict[str, object] | None:
         return read_summary(path)
     except InputError:
         return None
+
+
+def sweep(config: str | Path | Config | Mapping[str, Any], vary: Mapping[str, Sequence[Any]], *,
+          zipped: bool = False, overrides: Sequence[str] = (), resume: bool = False,
+          output: str | Path = "results/sweep") -> Any:
+    """Solve a configuration with different values, as ``orchestrator sweep`` does.
+
+    config : a YAML file, or what is in one
+    vary : key, as after ``--set`` → its values; every combination, or where they are ``zipped`` the
+        first values together, then the second ones
+    overrides : for all variants, as after ``--set``
+    resume : variants that the folder has already are not solved again
+    output : the sweep's folder
+    Returns a line per variant: its values, its exit code, which variants it began with, its numbers
+        at the last load step; a pandas DataFrame where pandas is installed, else dictionaries
+    Raises InputError: as the command
+
+    Examples
+    --------
+    >>> from orchestrator import sweep
+    >>> bar = {
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "xmax", "traction": [10, 0, 0]}]}
+    >>> found = sweep(bar, {"boundary.1.traction": [[10, 0, 0], [20, 0, 0]]}, output="bars")
+    >>> len(found)
+    2
+    """
+    variants = variants_of([f"{key}={', '.join(map(json.dumps, values))}"
+                            for key, values in vary.items()], zipped)
+    if not isinstance(config, (str, Path)):
+        told = config.complete() if isinstance(config, Config) else config
+        config = ResultsFolder(output).write("config.yaml", json.dumps(told))
+    done = Sweep(Path(config), overrides, variants, Path(output), quiet=True)
+    done.run(resume)
+    head, *rows = rows_of(variants, done.outcomes)
+    if absent("pandas"):
+        return [dict(zip(head, row)) for row in rows]
+    from pandas import DataFrame
+
+    return DataFrame(rows, columns=head)

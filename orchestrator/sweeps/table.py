@@ -16,17 +16,20 @@ from orchestrator.config.paths import is_number, shown
 from orchestrator.errors import CONVERGED, visible
 from orchestrator.results.figures.plotting import COLOURS, new_figure, png, tidy
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.sweep.variants import Variant
+from orchestrator.sweeps.variants import Variant
 
 NAME = "sweep.csv"
 RESULT = {0: "converged", 1: "NOT converged", 2: "bad input", 3: "failed"}
 # on screen: rows of variants, and of those after them the ones that have failed
 ROWS, FAILED = 14, 5
-USUAL = ("iterations", "seconds", "error_bound", "peak_stress", "peak_displacement")
+USUAL = ("iterations", "seconds", "error_bound", "slip_load", "friction_used", "peak_stress",
+         "peak_displacement")
 MORE = 3  # columns of probes and bolts
 PANELS = 6  # of the picture, two rows of three
 LINES = 8  # curves in one panel; more are not told apart
-DRAWN_FIRST = ("peak_stress", "peak_displacement", "pairs.slip", "energy", "iterations")
+DRAWN_FIRST = ("slip_load", "friction_used", "peak_stress", "peak_displacement", "pairs.slip",
+               "energy", "iterations")
+COUNTED = ("iterations", "pairs.")  # of which no error is told
 SAME = 1e-9  # relative: a number that varies by less says nothing
 _UNITS = {"peak_stress": "stress", "peak_displacement": "length", "energy": "energy",
           "bolt_force_min": "force", "bolt_force_max": "force"}
@@ -34,10 +37,9 @@ _UNITS = {"peak_stress": "stress", "peak_displacement": "length", "energy": "ene
 Found = Sequence[tuple[Mapping[str, Any], Mapping[str, float]]]
 
 
-def write_table(folder: ResultsFolder, variants: Sequence[Variant],
-                outcomes: Mapping[str, Any]) -> Path:
-    """Writes sweep.csv: a line per variant with its values, its exit code, and all numbers that any
-    variant has.
+def rows_of(variants: Sequence[Variant], outcomes: Mapping[str, Any]) -> list[list[Any]]:
+    """Return the head, and a row per variant: its values, its exit code, which variants it began
+    with, and all numbers that any variant has.
     """
     keys = list(dict.fromkeys(key for variant in variants for key in variant.values))
     names = list(dict.fromkeys(name for variant in variants
@@ -48,9 +50,9 @@ def write_table(folder: ResultsFolder, variants: Sequence[Variant],
         values = [value if is_number(value) else json.dumps(value)
                   for value in (variant.values[key] for key in keys)]
         code = outcome.exit_code if outcome.exit_code in RESULT else ""
-        rows.append([variant.name, *values, code, outcome.why,
+        rows.append([variant.name, *values, code, outcome.why, outcome.started_from,
                      *(outcome.numbers.get(name, "") for name in names)])
-    return folder.write_table(NAME, [["variant", *keys, "exit_code", "why", *names], *rows])
+    return [["variant", *keys, "exit_code", "why", "started_from", *names], *rows]
 
 
 class Screen:
@@ -154,7 +156,7 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
         tidy(axes)
     for axes in panels[len(names):]:
         axes.set_visible(False)
-    if len(panels[0].lines) > 1:
+    if len(panels[0].get_legend_handles_labels()[1]) > 1:
         panels[0].legend(fontsize=7.5, frameon=False)
     return png(figure)
 
@@ -167,13 +169,17 @@ def _chosen(numbers: Sequence[Mapping[str, float]]) -> list[str]:
             * np.abs(column).max()][:PANELS]
 
 
-def _curves(name: str, across: str, found: Found) -> dict[str, list[tuple[Any, float]]]:
-    """Curves: values of the other keys → value of the key ``across``, and the number."""
-    curves: dict[str, list[tuple[Any, float]]] = {}
+def _curves(name: str, across: str, found: Found) -> dict[str, list[tuple[Any, float, float]]]:
+    """Curves: values of the other keys → value of the key ``across``, the number, and its error, as
+    ``compare`` has it: the energy error of the run, relative to the largest number.
+    """
+    curves: dict[str, list[tuple[Any, float, float]]] = {}
+    largest = 0.0 if name.startswith(COUNTED) else max(abs(numbers[name]) for _, numbers in found)
     for values, numbers in found:
         others = ", ".join(f"{key.rpartition('.')[2]} = {shown(value)}"
                            for key, value in values.items() if key != across)
-        curves.setdefault(others, []).append((values[across], numbers[name]))
+        curves.setdefault(others, []).append(
+            (values[across], numbers[name], largest * numbers.get("error_bound", 0.0)))
     # of keys that are varied together each set of values has one point: they are one curve
     return {"": [point for curve in curves.values() for point in curve]} if all(
         len(c) == 1 for c in curves.values()) else curves
@@ -182,13 +188,10 @@ def _curves(name: str, across: str, found: Found) -> dict[str, list[tuple[Any, f
 def _panel(axes: Any, name: str, across: str, found: Found) -> None:
     for (others, points), colour in zip(list(_curves(name, across, found).items())[:LINES],
                                         COLOURS):
-        places, values = zip(*points)
-        if all(map(is_number, places)):
-            places, values = zip(*sorted(points))
-            axes.plot(places, values, color=colour, marker="o", markersize=4, linewidth=1.3,
-                      label=others)
-        else:
-            axes.plot([shown(place) for place in places], values, color=colour, marker="o",
-                      linestyle="none", label=others)
+        ordered = all(is_number(place) for place, *_ in points)
+        places, values, errors = zip(*(sorted(points) if ordered else points))
+        axes.errorbar(places if ordered else [*map(shown, places)], values, errors, color=colour,
+                      marker="o", markersize=4, linewidth=1.3, capsize=2,
+                      linestyle="-" if ordered else "none", label=others)
     axes.set_xlabel(across, fontsize=8.5)
     axes.tick_params(labelsize=8)
