@@ -23,7 +23,7 @@ from orchestrator.results.starting import Choose
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.solving import Ranks, scene_of, solve
+from orchestrator.solving import Ranks, scene_of, solve, solved_anew
 from orchestrator.timing import Stopwatch
 
 
@@ -77,9 +77,12 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
             with closing(Record(folder, config, scene, watch, artist, resume=resume,
                                 start_from=start_from, choose=means.choose)) as record:
                 team.share((config, reference))
-                solution = solve(config, scene, [*record.subscribers, progress],
-                                 reference=reference, start=record.start, watch=watch,
-                                 ranks=means.ranks)
+                told = [*record.subscribers, progress]
+                solution = solve(config, scene, told, reference=reference, start=record.start,
+                                 watch=watch, ranks=means.ranks)
+                if means.judge is None:  # who judges a mesh asks for the energy error
+                    solution = solved_anew(config, solution, told, watch, means.ranks,
+                                           means.meshed)
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                         solution.joints, folder.of_part)

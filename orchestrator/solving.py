@@ -7,6 +7,8 @@
                  ``registry.MONITORS``
     delivery     fields inside the subdomains, forces, guards (``method.delivery``)
     answer       what rank 0 finds of all ranks' fields, and the summary (``results``)
+
+Where sides have slid and are paired anew, all is solved a second time (``paired_anew``).
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import load_cases
 from orchestrator.method.setup import make_soles_of, prepare, RankPart
 from orchestrator.optional import check_there
+from orchestrator.paired_anew import paired_anew
 from orchestrator.parallel.numbering import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
@@ -151,7 +154,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
           ranks: Ranks = Ranks()) -> Solution | None:
     """Solve a problem; nothing is written.
 
-    scene : default: ``scene_of`` the configuration
+    scene : default: ``scene_of`` the configuration, also where sides that slid are paired anew
+        (``pairing: auto``); on a scene that is given pairs stay as they are
     subscribers : told what goes on
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
@@ -189,24 +193,44 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
                         "orchestrator run, which solves on several", "remove accuracy here")
         if not all(entry.kind.perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
-        if team.share(scene is None):
+        if anew := team.share(scene is None):
             scene = None if team.rank else scene_of(config, told, watch)
         with by_keys():
-            return OneSolution(config, told, start, watch, ranks, reference).of(scene)
+            solution = OneSolution(config, told, start, watch, ranks, reference).of(scene)
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
+    if not anew or team.size > 1:
+        return solution
+    return solved_anew(config, solution, subscribers, watch, ranks)
 
 
-def scene_of(config: Config, told: Subscribers, watch: Stopwatch,
-             meshed: Meshed | None = None) -> Scene:
+def solved_anew(config: Config, first: Solution, subscribers: Sequence[Subscriber],
+                watch: Stopwatch, ranks: Ranks, meshed: Meshed | None = None) -> Solution:
+    """Return a first solution, or the one with sides paired anew that have slid, see
+    ``paired_anew``; the other ranks ``run.follow``. Parameters as for ``solve`` and ``scene_of``.
+    """
+    # what is kept to go on from is of the first run: its traces are others
+    told = [each for each in subscribers if not each.wants_checkpoints]
+
+    def again(config: Config, scene: Scene, start: Start) -> Solution:
+        ranks.team.share((config, False))
+        return solve(config, scene, told, start=start, watch=watch, ranks=ranks)
+
+    return paired_anew(config, first,
+                       lambda config: scene_of(config, Subscribers(subscribers), watch, meshed,
+                                               "pairing sides anew"), again)
+
+
+def scene_of(config: Config, told: Subscribers, watch: Stopwatch, meshed: Meshed | None = None,
+             stage: str = "meshing") -> Scene:
     """Return the scene of a configuration, programs started, after a look whether its code is
     there; subscribers are told.
 
     meshed : as of ``build_scene``
     Raises InputError: as ``build_scene``, or a code is not there
     """
-    told.stage("meshing")
+    told.stage(stage)
     with watch("mesh"):
         # a code that all subdomains need: before the time it takes to mesh
         if len(config.codes) == 1:

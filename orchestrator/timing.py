@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import os
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-import psutil
+
+LATEST = 8  # iterations that tell how fast the next ones are
 
 
 class Stopwatch:
@@ -32,7 +35,7 @@ class Stopwatch:
         ``startup``.
         """
         watch = cls()
-        watch.seconds["startup"] = time.time() - psutil.Process().create_time()
+        watch.seconds["startup"] = seconds_since_launch()
         watch.start -= watch.seconds["startup"]
         return watch
 
@@ -61,19 +64,61 @@ class Stopwatch:
         return time.perf_counter() - self.start
 
 
+def seconds_since_launch() -> float:
+    """Wall-clock seconds since this process was started: the interpreter and the imports; 0 if
+    unknown.
+    """
+    try:
+        with open("/proc/self/stat") as file:
+            ticks = float(file.read().rpartition(")")[2].split()[19])
+        with open("/proc/uptime") as file:
+            return max(float(file.read().split()[0]) - ticks / os.sysconf("SC_CLK_TCK"), 0.0)
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
+# seconds of the imports over those that they computed: what others leave of a core
+SLOW = seconds_since_launch() / time.process_time() or 1.0
+
+
+def duration(seconds: float) -> str:
+    """Return seconds as people say them, below two minutes in one digit."""
+    if seconds >= 90:
+        return f"{seconds / 60:.0f} min"
+    return f"{max(float(f'{seconds:.1g}'), 1):g} s"
+
+
+def pace_of(values: Sequence[float]) -> float:
+    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not
+    known.
+    """
+    y = [math.log(value) for value in values[-LATEST:] if value > 0]
+    if len(y) < 3:
+        return math.nan
+    return -np.polyfit(range(len(y)), y, 1)[0]
+
+
 @dataclass
 class Doing:
     """Something that workers do piece by piece; to be read from any thread.
 
     what : "assembling", or "back-substitutions"
-    of, pieces : what all pieces cost, and how many there are
+    of, pieces : what all pieces cost, and how many there are; workers : who do it at once
     done : what the pieces have cost that are done
     """
 
     what: str
     of: float
     pieces: int
+    workers: int
     done: list[float] = field(default_factory=list)
+    begun: float = field(default_factory=time.monotonic)
+    last: float = 0.0  # when the latest piece was done
+
+    def finish(self, cost: float) -> None:
+        """Enter a piece that is done."""
+        self.done.append(cost)
+        self.last = time.monotonic()
 
     def __str__(self) -> str:
         done = len(self.done)
@@ -82,6 +127,12 @@ class Doing:
         if done == self.pieces:
             return "first iteration"
         return f"set-up, {sum(self.done):,.0f} of {self.of:,.0f} {self.what}"
+
+    @property
+    def seconds(self) -> float:
+        """Return what all of it takes, as far as the pieces tell that are done; nan: none is."""
+        share = sum(self.done) / self.of if self.done else 0.0
+        return (self.last - self.begun) / share if share else float("nan")
 
 
 # Measured growth with the number of dofs from 1,500 to 13,000, of factorisations (1.6) and

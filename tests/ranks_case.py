@@ -9,13 +9,13 @@ from boxes import boxed
 from in_process import IN_PROCESS
 
 from orchestrator.accuracy.loop import run as accuracy
-from orchestrator.config.load import Loaded, config_from
+from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.sparse.blocks import BlockPattern
 from orchestrator.launch import join
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import STRESS
-from orchestrator.run import Means, follow
+from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
 
 
@@ -271,7 +271,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         result |= {"taken": met.work, "lost": met.dissipation, "pressed": met.pressure, "each": met.resultant,
                    "far": np.nan_to_num([met.slid, met.amiss]),
                   "on faces": [0.0, *(x for face in met.faces for name in ("normal", "bears", "carried", "capacity") for x in face.carries[name])],
-                   "told": json.dumps([met.counts, met.detached, met.weakly_held, met.within.tolist(), met.unresolved, [
+                   "told": json.dumps([met.counts, met.detached, met.weakly_held, met.within.tolist(), met.common.tolist(), met.unresolved, [
                        (face.name, face.pieces, face.carries["slipping"].tolist()) for face in met.faces]])}
     if solved.interfaces is not None:
         result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status,
@@ -280,6 +280,21 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
             result |= {"shifts": np.stack([solved.interfaces.shift_normal, solved.interfaces.shift_tangential]),
                        "largest shifts": [summary["backward"][name] for name in ("normal", "tangential")]}
     return result
+
+
+PAIRED = "paired anew"  # once it has converged, where sides have slid to
+AGAIN = {PAIRED: CASES["parts that slide on"] | {"interfaces": [{"law": "contact", "friction": 0.2}]}}
+
+
+def again(name: str, folder: Path, team: Team) -> None:
+    """A run that is set up again, in a results folder."""
+    config = {"name": name, **AGAIN[name], "output": {"figures": False}}
+    if team.rank:
+        follow(team)
+    else:
+        (folder / f"{name}.yaml").write_text(json.dumps(config))
+        run(load_config(folder / f"{name}.yaml", []), output=folder / name, quiet=True, means=Means(Ranks(team)))
+        team.share(None)
 
 
 REFINED = {  # bonds at a cross point, which are guaranteed, and contact beside a bond
@@ -333,6 +348,9 @@ if __name__ == "__main__":
     with ranks.together():
         eliminate(ranks)
         for case in sys.argv[2:]:
+            if case in AGAIN:
+                again(case, Path(sys.argv[1]), ranks)
+                continue
             if case in REFINED:
                 refined(case, Path(sys.argv[1]) / case, ranks)
                 continue

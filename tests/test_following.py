@@ -8,12 +8,13 @@ from method_case import decomposed
 from mortar_case import POISSON, YOUNG
 from quick import late, quick
 
-from orchestrator.config.load import config_from
+from orchestrator.config.load import config_from, Loaded
 from orchestrator.errors import InputError
 from orchestrator.method.delivery.met import work as work_of
-from orchestrator.method.monitors.following import paired_as
+from orchestrator.method.monitors.following import FollowingMonitor, paired_as
 from orchestrator.method.monitors.weakening import anchored, weakened
-from orchestrator.solving import solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -156,6 +157,57 @@ def test_distances_are_those_of_the_jump_where_points_stand_for_their_neighbours
     assert 0 < there.sum() < len(np.unique(moving.surfaces.triangles[0]))
     jump = np.einsum("pi,pi->p", mortar.normal, (mortar.second @ bent.ravel()).reshape(-1, 3))
     assert np.abs(mortar.gap - jump)[there].max() < 1e-12
+
+
+def dragged(*path, **more):
+    """The block's top moved on a slab, nothing said of pairs."""
+    data = sliding([*path], error=ROUGH).model_dump(exclude_unset=True)
+    data["interfaces"][0].pop("pairing")
+    return {**data, **more}
+
+
+DRAGGED, ROUGH = ([0, 0, -0.002], [1.7, 0, -0.002], [0.6, 0, -0.002]), 1e-4
+
+
+@pytest.mark.long
+def test_sides_that_have_slid_are_paired_anew():
+    """As if they had been asked to follow; below a fifth of an element, and where it is asked for, pairs stay."""
+    solved, follow = solve(config_from(dragged(*DRAGGED))), solve(sliding([*DRAGGED], error=ROUGH))
+    assert solved.converged and all((u == v).all() for u, v in zip(solved.parts, follow.parts))
+    told, *_ = solved.summary["warnings"]
+    fixed = solved.iterations - follow.iterations
+    assert told.endswith(f"paired anew where they are, in {follow.iterations} more iterations; of sides that follow no energy error is known")
+    near, stays = solve(config_from(dragged(DRAGGED[0], [0.1, 0, -0.002]))), solve(sliding([*DRAGGED], error=ROUGH, pairing="fixed"))
+    assert stays.iterations == fixed and not any("anew" in w for each in (near, stays) for w in each.summary["warnings"])
+
+
+@pytest.mark.parametrize("more, why", [
+    ({"parts": None, "mesh": {"box": {"size": [2, 1, 2], "cells": [2, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]}, "interfaces": [
+        {"law": "contact"}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [
+            [0.5, 0, -0.002]]}]}, "they share faces of one mesh"),
+    late({"subdomains": {"groups": True, "split_above": 60}}, "bodies are cut further"),
+    ({"method": {"tolerance": {"law": 1e-7}, "macro": {"on": "all"}}}, "the macro problem is on all interfaces"),
+], ids=["shared", "cut", "macro"])
+def test_sides_that_cannot_follow_stay_and_it_is_said_why(more, why):
+    data = {key: value for key, value in dragged([1.2, 0, -0.002], **more).items() if value is not None}
+    solved = solve(config_from(data))
+    assert solved.converged and any(f"not paired anew where sides have slid to: {why}" in w for w in solved.summary["warnings"])
+
+
+@pytest.mark.long
+def test_a_run_killed_while_sides_are_paired_anew_goes_on(tmp_path, monkeypatch):
+    """From the end of the first one: no iteration of that is lost."""
+    loaded = Loaded(config_from({**dragged(*DRAGGED), "output": {"figures": False}}), None)
+    assert run(loaded, output=tmp_path / "whole", quiet=True) == 0
+
+    def killed(*_):
+        raise KeyboardInterrupt
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(FollowingMonitor, "judge", killed)
+        run(loaded, output=tmp_path / "killed", quiet=True)
+    assert run(loaded, output=tmp_path / "killed", quiet=True, resume=True) == 0
+    whole, resumed = (Solution.read(tmp_path / name) for name in ("whole", "killed"))
+    assert resumed.iterations == whole.iterations == len(resumed.history["iteration"]) and (resumed.displacement == whole.displacement).all()
 
 
 def test_springs_that_stay_in_one_load_step_begin_anew_in_the_next():

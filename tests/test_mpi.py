@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 import pytest
 from processes import begin, gone
-from ranks_case import CASES, found, refined
+from ranks_case import CASES, PAIRED, found, refined
 
 from orchestrator import folders
 from orchestrator.config.load import load_config
@@ -93,7 +93,7 @@ def subdomains(case: str) -> int:
     return cut["metis"] if "metis" in cut else len(made["parts"]) if "parts" in made else np.prod(cut["grid"]) if "grid" in cut else 4
 
 
-FEW = ["leaps between parts", "pushed off"]  # beside what ``tests/public/test_same`` solves
+FEW = ["leaps between parts", "pushed off", PAIRED]  # beside what ``tests/public/test_same`` solves
 
 
 @pytest.mark.parametrize("ranks, few", [(2, True), (2, False), (3, False), (4, False)])
@@ -104,7 +104,7 @@ def test_ranks_find_what_one_process_finds(ranks, few, tmp_path):
     two = [case for case in CASES if case not in three + four and (case in FEW) == few]
     names = {2: two, 3: three, 4: four}[ranks]  # each by some number of ranks
     meshes = {2: [] if few else ["refined contact"], 3: ["refined bonds"], 4: []}[ranks]
-    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *meshes)
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PAIRED] * few, *meshes)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
     for case in names:
@@ -127,6 +127,10 @@ def test_ranks_find_what_one_process_finds(ranks, few, tmp_path):
                 assert off <= 1e-10 * size or off <= rounding(case, name), (case, name, off)
     for name in meshes:
         same_meshes(name, tmp_path, ranks)
+    if few:
+        twice, expected = Solution.read(tmp_path / PAIRED), alone("parts that slide on")
+        assert twice.converged and "paired anew" in twice.summary["warnings"][0]
+        assert np.abs(twice.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
 
 
 @pytest.mark.parametrize("face, code", [("xmax", 0), ("wall", 2)])

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,9 +15,11 @@ import pytest
 import results_case as case
 from rich.console import Console
 
+from orchestrator.blackbox.shared import LOADING
 from orchestrator.method.events import Finished
 from orchestrator.results import progress as progresses
-from orchestrator.results.progress import Progress
+from orchestrator.results.progress import EACH, Progress, Remaining, START
+from orchestrator.timing import Doing, SLOW
 from orchestrator.results.summary.lines import print_summary, summary_rows
 
 ROOT = Path(__file__).parents[1]
@@ -84,8 +87,8 @@ def test_a_file_gets_lines_of_plain_text_from_time_to_time():
     assert silent.getvalue() == ""
 
 
-def test_a_terminal_counts_seconds(monkeypatch):
-    """As long as gmsh meshes, or loops are compiled."""
+def test_a_terminal_counts_seconds_while_nothing_is_foreseen(monkeypatch):
+    """As long as gmsh meshes, or loops are compiled; on a busy machine all takes longer."""
     with closing(Often(stream=(stream := Screen()))) as progress:
         progress.stage("meshing")
         time.sleep(1.7)
@@ -93,11 +96,12 @@ def test_a_terminal_counts_seconds(monkeypatch):
         time.sleep(0.1)
     said = stream.getvalue()
     assert "meshing · 1 s" in said and "meshing · 2 s" in said and "meshing, compiling its loops · 2 s" in said
+    assert Remaining(1000, 1, True).after == pytest.approx(SLOW * (START + EACH * 1000))
 
 
 @pytest.mark.parametrize("width", [12, 40, 60, 120])
 def test_a_terminal_of_any_width_has_one_line_that_fits(monkeypatch, width):
-    """What matters least is left out first: the error, then the time."""
+    """What matters least is left out first: the error, the time left, the share."""
     monkeypatch.setenv("COLUMNS", str(width))
     with closing(Progress(stream=(stream := Screen()))) as progress:
         progress.made(SimpleNamespace(mesh=SimpleNamespace(nodes=range(2000)), steps=1, bonded=True))
@@ -106,7 +110,30 @@ def test_a_terminal_of_any_width_has_one_line_that_fits(monkeypatch, width):
     states = [state for state in re.split(r"\r\x1b\[2K", stream.getvalue()) if state]
     assert max(map(len, states)) < width and "\n" not in stream.getvalue()
     assert states[-1].startswith("iteration 3"[: width - 1])
-    assert ("0 s" in states[-1]) == (width > 30) and ("→" in states[-1]) == (width > 50)
+    assert ("left" in states[-1]) == (width > 30) and ("→" in states[-1]) == (width > 50)
+
+
+def doing(what: str, done: list[float], of: float, pieces: int, seconds: float) -> Doing:
+    """Return what a black box does, ``seconds`` after it has begun."""
+    now = time.monotonic()
+    return Doing(what, of, pieces, 2, done, now - seconds, now)
+
+
+def test_what_is_left_is_told_by_what_is_done():
+    """Bodies tell how long the others take; then right-hand sides; then iterations, by their error's fall."""
+    remaining, now = Remaining(30_000, 1, True), time.monotonic()
+    early, late = (remaining.left(doing("assembling", [1.0] * k, 100.0, 100, 0.6 * k), now) for k in (10, 90))
+    assert early - late == pytest.approx(48, rel=0.01) and LOADING * remaining.solve == pytest.approx(60, rel=0.01)
+    half = remaining.left(doing("back-substitutions", [50.0] * 50, 5000.0, 100, 20.0), now)
+    assert half - 20 == pytest.approx(remaining.left(doing("back-substitutions", [50.0] * 100, 5000.0, 100, 40.0), now), rel=0.01)
+    unseen = Remaining(30_000, 1, True).left(doing("back-substitutions", [50.0] * 100, 5000.0, 100, 40.0), now)
+    assert 0 < unseen < 1000  # assembling was over before anybody looked
+    for k in range(1, 11):  # two seconds each, a factor of two each, to a thousandth
+        remaining.iterated(replace(case.iteration(k), values={"iteration": k, "error_bound": 2.0 ** -k},
+                                   target=("error_bound", 2.0 ** -20)), now + 2 * k)
+    assert remaining.each == pytest.approx(2) and remaining.to_do == pytest.approx(10, rel=0.1)
+    remaining.ended = now
+    assert remaining.left(None, now) == pytest.approx(remaining.after)
 
 
 DRAWS = """

@@ -159,7 +159,7 @@ def grains_study(folder, **settings):
 @pytest.mark.long
 def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
     first = grains_study(tmp_path, counts=[10])
-    (row,), folder = first.rows, tmp_path / "grains-10-seed-1-0.0001"
+    (row,), folder = first.rows, tmp_path / "grains-10-free-seed-1-0.0001"
     summary = json.loads((folder / "summary.json").read_text())
     coarse = next(stage["seconds"] for stage in summary["workload"]["iterations"]["stages"] if stage["stage"] == "coarse")
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]

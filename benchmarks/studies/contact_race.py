@@ -32,7 +32,6 @@ ERROR = 1e-4  # energy error that the product is asked for; the rival's own is f
 ELEMENTS = 3.0  # across a grain
 WANTED = {"ten grains": 1.5, "27 free": 1.2, "27 rollers": 1.5, "64 free": 4.0, "125 free": 5.0}  # rival's CPU over ours
 CODES = {"punch": ["blackbox.*.code=freefem"]}  # overrides: one code for all parts
-PRESSED = [[None, None, -0.0005 * step] for step in (1, 2, 1, 2)]
 
 
 class Settings(Keys):
@@ -51,11 +50,7 @@ def scene_of(name: str, friction: float, seed: int) -> Mapping[str, Any] | Path:
     if name in files:
         return CONFIGS / f"{files[name]}.yaml"
     count, sides = name.split()
-    config = problem(int(count), seed, ELEMENTS, friction=friction)
-    if sides == "rollers":
-        held = [{"on": f"{axis}{end}", "displacement": [0 if a == axis else None for a in "xyz"]}
-                for axis in "xy" for end in ("min", "max")]
-        config["boundary"] = [{"on": "zmin", "displacement": [0, 0, 0]}, *held, {"on": "zmax", "displacement": PRESSED}]
+    config = problem(int(count), seed, ELEMENTS, friction=friction, sides=sides)
     return {**config, "materials": STEEL, "output": {"figures": False}}
 
 

@@ -1,7 +1,8 @@
 """Grains in frictional contact, from a few to a thousand: iterations and seconds over the number of grains.
 
-A unit cube of Voronoi grains, all interfaces in contact, bottom clamped, sides free, top pressed and sheared both ways:
-grains come loose and are caught again. Every run is the command line with its defaults in a process of its own, so that
+A unit cube of Voronoi grains, all interfaces in contact, bottom clamped. ``free``: the sides are free and the top is pressed
+and sheared both ways, so that grains come loose and are caught again. ``rollers``: the sides are on rollers and the top is
+pressed and half let go twice. Every run is the command line with its defaults in a process of its own, so that
 one that fails is a row like the others. What has been measured is kept beside the run, for ``--resume``. ``others`` is the
 load of the machine by other work when a run began: seconds grow with it, shares hardly.
 """
@@ -11,7 +12,8 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Annotated, Any
+from operator import itemgetter
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
@@ -28,6 +30,10 @@ SHARES = ((343, 0.25), (1000, 0.40))  # up to so many grains: share of the coars
 LARGE, DOFS, SECONDS, MEMORY = 1000, 500_000, 600, 16  # grains; their decomposed dofs at least; limits, GB
 CUT = 2 * MOST  # iterations, after which a run has failed
 TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0005]]  # of a cube of side 1
+PRESSED = [[None, None, -0.0005 * step] for step in (1, 2, 1, 2)]  # the same between rollers
+ROLLERS = [{"on": f"{axis}{end}", "displacement": [0 if a == axis else None for a in "xyz"]}
+           for axis in "xy" for end in ("min", "max")]
+Sides = Literal["free", "rollers"]
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -37,6 +43,8 @@ class Settings(Keys):
 
     counts: Annotated[list[Annotated[int, Field(ge=2)]], Field(min_length=1)] = Field(
         [27, 64, 125, 343], description="numbers of grains")
+    sides: Annotated[list[Sides], Field(min_length=1)] = Field(
+        ["free"], description="free, or rollers, which hold the sides of the cube")
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = Field(
         [1, 2, 3], description="of the grains' centres")
     tolerances: Annotated[list[PositiveFloat], Field(min_length=1)] = Field([USUAL], description="of the energy error")
@@ -50,24 +58,30 @@ class Settings(Keys):
     figures: bool = Field(True, description="whether every run draws its figures")
 
 
-def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: float = 0.3) -> dict[str, Any]:
-    """Grains pressed, sheared, sheared further and half let go, ``elements`` of them across a cube of a grain's volume."""
-    return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), friction, TOP, seed=seed, lloyd=lloyd)
+def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: float = 0.3,
+            sides: Sides = "free") -> dict[str, Any]:
+    """Return the configuration of ``count`` grains, with ``elements`` elements across a cube of a grain's volume."""
+    size = float(f"{count ** (-1 / 3) / elements:.4g}")
+    config = grains(count, size, friction, TOP if sides == "free" else PRESSED, seed=seed, lloyd=lloyd)
+    if sides == "rollers":
+        config["boundary"] += ROLLERS
+    return config
 
 
 def run(study: Study, settings: Settings = Settings()) -> None:
     """All runs, the smallest first; table and figure grow with each."""
-    study.columns = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
+    study.columns = ("grains", "sides", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
                      "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
                      "spring_force", "live_by_springs", "detached", "far")
-    for count, seed, tolerance in product(sorted(settings.counts), settings.seeds, settings.tolerances):
-        config = with_method(problem(count, seed, settings.elements, settings.lloyd, settings.friction),
+    for count, sides, seed, tolerance in product(sorted(settings.counts), settings.sides, settings.seeds,
+                                                 settings.tolerances):
+        config = with_method(problem(count, seed, settings.elements, settings.lloyd, settings.friction, sides),
                              {"max_iterations": CUT, **settings.method, "tolerance": {"error": tolerance}})
         config["output"] = {"figures": settings.figures}
-        name = f"grains-{count}-seed-{seed}-{tolerance:g}"
-        row = {"grains": count, "seed": seed, "tolerance": tolerance, **study.kept(
+        name = f"grains-{count}-{sides}-seed-{seed}-{tolerance:g}"
+        row = {"grains": count, "sides": sides, "seed": seed, "tolerance": tolerance, **study.kept(
             name, {"config": config, "ranks": settings.ranks}, lambda: _measured(study, name, config, settings.ranks))}
-        study.note(row, f"{count} grains, seed {seed}, {tolerance:g}: " + (
+        study.note(row, f"{count} grains, {sides}, seed {seed}, {tolerance:g}: " + (
             f"{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
             f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB" if "iterations" in row else
             f"failed, {row['failure']}"))
@@ -123,8 +137,9 @@ def judge(study: Study) -> None:
         rows = [row for row in study.rows if row["tolerance"] == tolerance]
         good = [row for row in rows if row["stop_reason"] == "converged"]
         study.target(f"energy error {tolerance:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
-        before = {(row["grains"], row["seed"]): row["iterations"] for row in usual if row["stop_reason"] == "converged"}
-        ratios = [row["iterations"] / before[key] for row in good if (key := (row["grains"], row["seed"])) in before]
+        of = itemgetter("grains", "sides", "seed")
+        before = {of(row): row["iterations"] for row in usual if row["stop_reason"] == "converged"}
+        ratios = [row["iterations"] / before[of(row)] for row in good if of(row) in before]
         if tolerance < USUAL and ratios:
             study.target(f"the same: iterations over those to {USUAL:g}", f"at most {TIGHTER:g}", f"{max(ratios):.2f}",
                          max(ratios) <= TIGHTER)
@@ -145,8 +160,8 @@ def _judge_iterations(study: Study, rows: Rows) -> None:
     good = [row for row in rows if row["stop_reason"] == "converged"]
     if good:
         most = max(good, key=lambda row: row["iterations"])
-        study.target("the most iterations", f"at most {MOST}", f"{most['iterations']}: {most['grains']} grains, seed "
-                     f"{most['seed']}", len(good) == len(rows) and most["iterations"] <= MOST)
+        study.target("the most iterations", f"at most {MOST}", f"{most['iterations']}: {most['grains']} grains, "
+                     f"{most['sides']}, seed {most['seed']}", len(good) == len(rows) and most["iterations"] <= MOST)
     mean = {}
     for count in sorted({row["grains"] for row in rows}):
         those = [row for row in rows if row["grains"] == count]

@@ -173,11 +173,12 @@ class Pool(BlackBox):
         """Results of ``work(worker, model)`` for each model; what it costs is told when it is
         done.
         """
-        self.usage.doing = doing = Doing(what, sum(costs.values()), len(costs))
+        workers = sum(map(bool, tasks.values()))
+        self.usage.doing = doing = Doing(what, sum(costs.values()), len(costs), workers)
 
         def one(worker: Worker, i: int) -> Any:
             result = work(worker, i)
-            doing.done.append(costs[i])
+            doing.finish(costs[i])
             return result
 
         return self._run(lambda worker, own: {i: one(worker, i) for i in own}, tasks)

@@ -49,10 +49,11 @@ class ContactEntry(Entry):
                                     description=(
                                         "search distance of gap: geometry, a length; none: twice "
                                         "the local element size"))
-    pairing: Literal["fixed", "follow"] = Field("fixed", description=(
-        "fixed: what lies opposite each other before loading stays paired, for sliding below a "
-        "fifth of an element, beyond which a warning tells; follow: paired anew where the sides "
-        "have slid to, load step after load step"))
+    pairing: Literal["auto", "fixed", "follow"] = Field("auto", description=(
+        "fixed: what lies opposite each other before loading stays paired, for sliding below an "
+        "element; follow: paired anew where the sides have slid to, load step after load step; "
+        "auto: fixed, and solved again with those that follow that have slid by more than a fifth "
+        "of an element, where they can"))
 
     @property
     def apart(self) -> str:

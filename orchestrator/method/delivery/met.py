@@ -86,6 +86,7 @@ class Met:
     work, dissipation : (I, T) since the unloaded state, see ``work``
     slid, amiss : (I,) as of ``slid.slides``
     within : (I,) int, the volume that has cells on both sides; −1: none has
+    common : (I,) bool, whether the sides share their nodes
     counts : name of a status → (T,) nodes
     detached, weakly_held : names of bodies per load step, see ``loose``
     bolts, faces, unresolved : as of ``balance.bolt_forces``, ``faces``, ``resolution``
@@ -99,6 +100,7 @@ class Met:
     slid: np.ndarray
     amiss: np.ndarray
     within: np.ndarray
+    common: np.ndarray
     counts: Mapping[str, Sequence[int]]
     detached: list[list[str]]
     weakly_held: list[list[str]]
@@ -120,6 +122,8 @@ class Met:
                    np.maximum.reduceat(fields.pressure, fields.offsets[:-1], axis=1).T,
                    taken.T, lost.T, *slides(scene, fields),
                    np.array([_within(scene.mesh.volume[i.cells]) for i in opening], dtype=int),
+                   np.array([np.array_equal(fields.nodes[at], fields.others[at])
+                             for _, at in fields.each()], dtype=bool),
                    fields.counts, *held_bodies(scene, fields),
                    bolt_forces(scene, fields, resultants), contact_faces(scene, fields),
                    unresolved(scene, fields))
