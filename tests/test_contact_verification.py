@@ -38,7 +38,7 @@ def distance(scene, one, two, loose=False):
     return largest
 
 
-def assert_agrees(made, loose):
+def assert_agrees(made, loose=False):
     """Ours solves the independent formulation, and what that finds on its own from a cold start is the same."""
     solved = converged(made)
     scene, one_piece = solved.scene, monolithic(solved)
@@ -59,6 +59,14 @@ def assert_agrees(made, loose):
 def test_monolithic_solver_agrees(name, friction):
     """Pressed, sheared, unloaded; grains that come loose stand where either solver leaves them."""
     assert_agrees(contact(friction, **CASES[name]), loose=name == "ten grains")
+
+
+def test_an_imposed_jump_agrees_with_one_piece():
+    """Three blocks: the lowest two are moved apart, step by step, between a clamped base and a contact with friction."""
+    apart = {"law": "jump", "between": ["block 0-0-0", "block 0-0-1"],
+             "jump": [[0.0, 0.0, 0.002], [0.004, 0.0, 0.004], [0.004, 0.002, 0.001], [0.0, 0.0, 0.0]]}
+    assert_agrees(contact(mesh={"box": {"size": [1, 1, 1], "cells": [3, 3, 6]}}, subdomains={"grid": [1, 1, 3]},
+                          law=[{"law": "contact", "friction": 0.3}, apart]))
 
 
 # --- closed forms -----------------------------------------------------------------------------------------
