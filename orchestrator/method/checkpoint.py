@@ -155,6 +155,8 @@ def ended(latin: Latin, last: Checkpoint) -> Iterated:
     """The end of an increment, from its last iteration."""
     problem = _restored(latin, last)
     best = Admissible(*(last.arrays[name] for name in _DELIVERED), problem.space)
+    if _ANCHOR in last.arrays:
+        best.anchor, = problem.space.extended(last.arrays[_ANCHOR])
     local = problem.local(best)
     latin.number, latin.sweeps = last.iteration, last.notes["sweeps"]
     event = Iteration.of_content(last.notes["event"], best.s)

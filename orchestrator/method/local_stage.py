@@ -224,8 +224,9 @@ class LawStage:
         """Local stage for the fields of all steps."""
         pairs, steps = self.pairs, len(fields.s)
         w, f = fields.extended
-        at = pairs.traces(w, f)
-        anchors = at.jump if self.anew else None
+        at, anchors = pairs.traces(w, f), None
+        if fields.anchor is not None:
+            anchors = pairs.transfer.jump(fields.anchor) + pairs.slid
         F, before, own = at.predicted(), self.before, []
         nodes, met = self.meeting(w, f, anchors)
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty(
@@ -291,7 +292,7 @@ class LawStage:
             w_hat[:, at] = fields.w[:, at] + moves
             s[:, at] += forces - f[:, at]
             f[:, at] = forces
-        return Admissible(s, fields.u, fields.alpha, fields.w, f, fields.space)
+        return Admissible(s, fields.u, fields.alpha, fields.w, f, fields.space, fields.anchor)
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps; and of its

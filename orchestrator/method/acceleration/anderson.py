@@ -86,43 +86,44 @@ class Anderson(Acceleration):
         """Take in an evaluation; among ranks one message."""
         s, residual = evaluated.s, image - evaluated.s
         weighted = self.root * residual
-        square = dots(weighted, weighted)
         if self.latest is None:
             self._begin(*s.shape)
-            square, = self.team.sum(square)
         else:
-            difference = self._remember(s, residual)
-            both = np.stack([difference, weighted], axis=2)  # (T, D, 2)
-            square, products = self.team.sum(square, self.differences @ both)
-            self.gram[:, self.place] = self.gram[:, :, self.place] = products[..., 0]
-            self.right = products[..., 1]
-            self.place = (self.place + 1) % self.memory
-            self.kept = min(self.kept + 1, self.memory)
+            self._remember(s, residual)
+        # (T, D, 3): the latest difference, r, and what was left of the one before
+        three = np.stack([self.differences[:, self.place - 1], weighted, self.left], axis=2)
+        square, common, products = self.team.sum(
+            dots(weighted, weighted), dots(weighted, self.left), self.differences @ three)
+        self.gram[:, self.place - 1] = self.gram[:, :, self.place - 1] = products[..., 0]
+        self.right = products[..., 1]
         size = np.sqrt(square.sum())
         if size > self.forget * self.smallest:
             self.most = np.where(self.stride > 1, self.stride / 4, self.most)
             self._begin(*s.shape)
-            self.smallest = size
+            self.smallest, common, products = size, 0 * common, 0 * products
         self.smallest = min(self.smallest, size)
         self.latest = s, residual
-        self._combine(weighted, square)
+        self._combine(weighted, square, common, products[..., 2])
         return residual
 
-    def _combine(self, weighted: np.ndarray, square: np.ndarray) -> None:
-        """Choose γ, and how far to go along what it leaves; of root r (T, D) and ‖r‖² (T,)."""
+    def _combine(self, weighted: np.ndarray, square: np.ndarray, common: np.ndarray,
+                 along: np.ndarray) -> None:
+        """Choose γ, and how far to go along what it leaves; of root r (T, D), ‖r‖² (T,), and
+        products of r (T,) and of differences (T, m) with what was left before.
+        """
         gram, right = self.gram.cumsum(axis=0), self.right.cumsum(axis=0)
         size = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
         size[size == 0] = 1.0
         scaled = gram / (size[:, :, None] * size[:, None, :])
         scaled += REGULARISATION * np.eye(self.memory)
         self.gamma = np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size
-        left = weighted - (self.gamma[:, None, :] @ self.differences)[:, 0]
-        now, before, common = self.team.sum(dots(left, left), dots(self.left, self.left),
-                                            dots(left, self.left))
-        stays = (common > SAME * np.sqrt(now * before)) & (now > LASTS**2 * before) \
-            & (now > MOST_OF**2 * square)
+        now = square + dots(self.gamma, (self.gram @ self.gamma[..., None])[..., 0]
+                            - 2 * self.right)
+        common, before, self.lasting = common - dots(self.gamma, along), self.lasting, now
+        stays = (common > SAME * np.sqrt(np.maximum(now * before, 0.0))) \
+            & (now > LASTS**2 * before) & (now > MOST_OF**2 * square)
         self.stride = np.where(stays, np.maximum(np.minimum(2 * self.stride, self.most), 1.0), 1.0)
-        self.left = left
+        self.left = weighted - (self.gamma[:, None, :] @ self.differences)[:, 0]
 
     def _begin(self, steps: int, columns: int) -> None:
         """Begin with an empty window; the system gives memory to what is written."""
@@ -132,17 +133,18 @@ class Anderson(Acceleration):
         self.right = np.zeros((steps, self.memory))
         # (T, m, D) Δs + β Δr, and root Δr
         self.changes, self.differences = np.zeros((2, steps, self.memory, columns))
-        # what no combination takes away of r, weighted, and steps along it over β (T,)
-        self.left, self.stride = np.zeros((steps, columns)), np.ones(steps)
+        # what no combination takes away of r, weighted, its square, and steps along it over β (T,)
+        self.left, self.lasting, self.stride = np.zeros((steps, columns)), 0.0, np.ones(steps)
 
-    def _remember(self, s: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """Keep the latest differences; return root Δr (T, D)."""
+    def _remember(self, s: np.ndarray, residual: np.ndarray) -> None:
+        """Keep the latest differences, root Δr (T, D) among them."""
         s_before, r_before = self.latest
         change, difference = self.changes[:, self.place], self.differences[:, self.place]
         difference[:] = residual - r_before
         change[:] = s - s_before + self.relaxation * difference
         difference *= self.root
-        return difference
+        self.place = (self.place + 1) % self.memory
+        self.kept = min(self.kept + 1, self.memory)
 
     def next(self) -> np.ndarray:
         s, residual = self.latest

@@ -142,12 +142,15 @@ class CoarseCorrection:
 
         fields : result of a linear stage
         """
-        y, r, space = self._solved(fields), self.response, self.stage.space
+        (y, together), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner)
                 for x, response in zip(fields.extended, self.everywhere))
-        return Admissible.of_extended(s, u, fields.alpha, w, f, space)
+        # what bodies on their way load tells of those that have no place
+        anchor = w if together else fields.extended[0]
+        return Admissible.of_extended(s, u, fields.alpha, w, f, space,
+                                      anchor if self.local.anew else None)
 
     @property
     def together(self) -> Bodies:
@@ -157,13 +160,13 @@ class CoarseCorrection:
             self._known = groups, self.bodies.together(groups, self.response)
         return self._known[1]
 
-    def _solved(self, fields: Admissible) -> np.ndarray:
-        """(T, bodies, n) y."""
+    def _solved(self, fields: Admissible) -> tuple[np.ndarray, bool]:
+        """(T, bodies, n) y, and whether pairs have answered together."""
         resultant = self.stage.space.of_all(self._resultants(fields.f)).swapaxes(0, 1)
         at = self.pairs.traces(*fields.extended)
         y = self._stepped(fields, at, resultant, True) if self.begun else None
         self.begun = True
-        return self._stepped(fields, at, resultant, False) if y is None else y
+        return (self._stepped(fields, at, resultant, False), False) if y is None else (y, True)
 
     def _stepped(self, fields: Admissible, at: PointTraces, resultant: np.ndarray,
                  together: bool) -> np.ndarray | None:

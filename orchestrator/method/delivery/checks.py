@@ -38,6 +38,8 @@ from orchestrator.scene.model import PlacedBolt, Scene
 ALIKE = 1e-4
 # The mean of n·m over the nodes, below which a motion moves a surface in itself.
 STILL = 0.1 * ALIKE
+# Cosine of normals on a plane, but for rounding.
+PLANE = 1 - 1e-12
 # Forces that rounding leaves, relative to all that soles feel.
 ROUNDING = 1e-12
 # Facets whose normals have a smaller cosine with an axis look more away from it than along it.
@@ -75,19 +77,23 @@ def _around(scene: Scene) -> set[int]:
 def motions_of(scene: Scene, i: Interface, about: np.ndarray, size: float) -> np.ndarray:
     """Return (k, 6) orthonormal motions that move both sides of an interface in themselves: v, and
     ω · ``size`` about a point (3,); none where a side is no surface that is known."""
-    rows = []
-    for side in (0, 1):
-        points = scene.side_points(i, side)
+    rows, points = [], [scene.side_points(i, side) for side in (0, 1)]
+    for side in (0,) if i.matching and np.array_equal(*points) else (0, 1):
         if side and i.tool is not None:
-            normals = i.tool.at(np.zeros(6), points)[1]
+            at, normals = points[1], i.tool.at(np.zeros(6), points[1])[1]
         else:
             triangles = i.triangles_on(side)[:, :3]
-            face = smooth_faces(scene.mesh, scene.side_nodes(i, side)[triangles])
-            found = surface_of(points, triangles, face)
-            flat = (found.bulge == 0).all(axis=1)[:, None, None]
-            points = points[triangles].reshape(-1, 3)
-            normals = np.where(flat, found.means, found.normals).reshape(-1, 3)
-        rows.append(np.hstack([normals, np.cross((points - about) / size, normals)]))
+            at = points[side][triangles].reshape(-1, 3)
+            normals = facet_normals(points[side], triangles)[0]
+            if (normals @ normals[:1].T < PLANE).any():
+                face = smooth_faces(scene.mesh, scene.side_nodes(i, side)[triangles])
+                found = surface_of(points[side], triangles, face)
+                flat = (found.bulge == 0).all(axis=1)[:, None, None]
+                normals = np.where(flat, found.means, found.normals)
+            else:
+                normals = np.repeat(normals, 3, axis=0)
+        rows.append(np.hstack([normals.reshape(-1, 3),
+                               np.cross((at - about) / size, normals.reshape(-1, 3))]))
     normals = np.concatenate(rows)
     if np.isnan(normals).any():
         return np.zeros((0, 6))

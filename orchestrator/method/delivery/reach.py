@@ -188,7 +188,7 @@ class _Springs:
             softness = y @ y.T
             softness[:RIGID, :RIGID] += rest[one]
             softness[RIGID:, RIGID:] += rest[two]
-            result[:, part] = np.einsum("kip,ij,kjp->kp", here, softness, here, optimize=True)
+            result[:, part] = (here * (softness @ here)).sum(axis=1)
         return np.maximum(result, 0.0)
 
 

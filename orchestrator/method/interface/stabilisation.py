@@ -12,8 +12,8 @@ body then has one position, and ε → 0 selects it. On true laws the blend leav
 2 ε, more where bodies go far.
 
 Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before
-stands the jump before the coarse contact problem, and after it that to which it has moved bodies
-(``coarse.correction``). What does not move any more loads no spring, whatever ε: these are proximal
+stands the jump to which steps together in the coarse contact problem have moved bodies, and where
+these do not do that before it (``coarse.correction``). What does not move any more loads no spring, whatever ε: these are proximal
 points of the true laws, and end on them. Without a coarse problem they stay where they are, with a
 share of what the tolerance allows.
 """

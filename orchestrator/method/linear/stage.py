@@ -54,13 +54,16 @@ class Admissible:
     w: np.ndarray  # (T, D) traces of displacement and interface forces
     f: np.ndarray
     space: TraceSpace  # numbering
+    # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those
+    # of the load step before
+    anchor: np.ndarray | None = None
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray,
-                    f: np.ndarray,
-                    space: TraceSpace) -> Admissible:
+                    f: np.ndarray, space: TraceSpace,
+                    anchor: np.ndarray | None = None) -> Admissible:
         """From traces (T, D + G) whose ghosts are known already."""
-        fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
+        fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space, anchor)
         fields.extended = w, f
         return fields
 
