@@ -13,9 +13,9 @@ body then has one position, and ε → 0 selects it. On true laws the blend leav
 
 Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before
 stands the jump to which steps together in the coarse contact problem have moved bodies, and where
-these do not do that before it (``coarse.correction``). What does not move any more loads no spring, whatever ε: these are proximal
-points of the true laws, and end on them. Without a coarse problem they stay where they are, with a
-share of what the tolerance allows.
+these do not do that before it (``coarse.correction``). What does not move any more loads no spring,
+whatever ε: these are proximal points of the true laws, and end on them. Without a coarse problem
+they stay where they are, with a share of what the tolerance allows.
 """
 
 from __future__ import annotations
