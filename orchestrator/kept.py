@@ -35,19 +35,22 @@ def while_kept() -> Iterator[Callable[[], None]]:
 def kept(function: Callable) -> Callable:
     """Have a function's results kept; it changes no argument, and nobody changes its results."""
     @wraps(function)
-    def known(*given: Any) -> Any:
+    def known(*given: Any, **named: Any) -> Any:
         if not _runs:
-            return function(*given)
-        key = function.__qualname__, key_of(given)
+            return function(*given, **named)
+        key = function.__qualname__, key_of([given, *sorted(named.items())])
         found = next((run for run in _runs if key in run), None)
-        _runs[0][key] = found[key] if found else function(*given)
+        _runs[0][key] = found[key] if found else function(*given, **named)
         return _runs[0][key]
 
     return known
 
 
 def key_of(value: object) -> bytes:
-    """Hash of all that a value is: equal for those that are, to the last byte."""
+    """Hash of all that a value is: equal for those that are, to the last byte.
+
+    Raises TypeError: something in it may hide what it is
+    """
     digest = hashlib.sha256()
 
     def take(part: object) -> None:
@@ -61,8 +64,10 @@ def key_of(value: object) -> bytes:
             digest.update(f"{len(part)}:".encode())
             for item in part:
                 take(item)
-        else:
+        elif part is None or isinstance(part, (str, bytes, int, float, np.generic)):
             digest.update(f"{part!r};".encode())
+        else:
+            raise TypeError(f"no hash of a {type(part).__name__}")
 
     take(value)
     return digest.digest()

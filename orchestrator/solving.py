@@ -134,6 +134,7 @@ class OneSolution:
             d = prepare(part, soles, method, blackbox, watch)
             del soles  # with the models made of them, what set-up has held and nothing else needs
             trim()
+            blackbox.ready()
             workload.end("set_up")
             chosen = cases.part_of(d)
             iterated = iterate(chosen, method, [OnRanks(self.told.all, numbers_of(chosen), team)],

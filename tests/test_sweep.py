@@ -59,6 +59,9 @@ def test_cold_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_pat
     assert loads - once == once  # a second one has asked for nothing
     found = compare(tmp_path / "alone", folder / "friction=0.4")
     assert not found.different and max(row.difference for row in found.rows) == 0.0
+    asked = [sum(worker["calls"] for worker in Solution.read(folder / f"friction={x}").summary["workload"]["set_up"]["workers"])
+             for x in (0.1, 0.4)]
+    assert asked[1] < asked[0]  # loads alone: coarse fields are answered
     rows = table(folder)
     assert [row["interfaces.0.friction"] for row in rows] == ["0.1", "0.4"] and (folder / "sweep.png").is_file()
     alone = Solution.read(tmp_path / "alone").summary

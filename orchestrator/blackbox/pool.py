@@ -72,6 +72,9 @@ class Pool(BlackBox):
                     (own / name).write_text(text, encoding="utf-8")
             self._start()
 
+    def ready(self) -> None:
+        """Nothing is to be done."""
+
     def load(self, models: Sequence[Model]) -> None:
         """Load models; raises InputError when the disk is full."""
         if self._models:

@@ -116,6 +116,10 @@ class BlackBox:
         """
         self.inner.load(models)
 
+    def ready(self) -> None:
+        """Be told that set-up has ended: what is asked from now on is not asked again."""
+        self.inner.ready()
+
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the (rhs, t)
         displacements there.

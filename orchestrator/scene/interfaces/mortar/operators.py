@@ -44,6 +44,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.kept import kept
 from orchestrator.rounding import SAME, WRITTEN
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
@@ -145,6 +146,7 @@ class Mortar:
 TURNED = [0, 2, 1, 5, 4, 3]  # a facet's nodes, looked at from behind
 
 
+@kept
 def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
                 as_one: bool = False, vectors: np.ndarray | None = None,
                 held: np.ndarray | None = None, spread: bool = False) -> Mortar:
