@@ -194,9 +194,8 @@ class Difficulty:
 
 @dataclass(frozen=True)
 class Overview:
-    """Overview that a part of a scene has of all of it: a number per subdomain or interface, and
-    what is
-    one for all.
+    """Overview that a part of a scene has of all of it: a number per subdomain, interface or
+    node, and what is one for all.
 
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
@@ -204,6 +203,7 @@ class Overview:
     matched, conforming : (interfaces,) bool, and bool, as of the ``Scene``
     supports : what holds the subdomains as rigid bodies, see ``conditions.supports``
     box : (2, 3) around all nodes of the mesh
+    islands : (nodes of the whole scene,) int, see ``soles.overlap``
     """
 
     sizes: np.ndarray
@@ -213,3 +213,4 @@ class Overview:
     conforming: bool
     supports: object
     box: np.ndarray
+    islands: np.ndarray

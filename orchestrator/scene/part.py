@@ -23,7 +23,7 @@ from orchestrator.scene.interface import Interface, Overview
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Scene
-from orchestrator.scene.soles.overlap import difficulty
+from orchestrator.scene.soles.overlap import difficulty, islands
 
 
 def overview(scene: Scene) -> Overview:
@@ -32,7 +32,7 @@ def overview(scene: Scene) -> Overview:
     return Overview(scene.sizes, loose_bodies(scene) if opens
                     else np.zeros(len(scene.subdomains), dtype=bool),
                     difficulty(scene), scene.matched, scene.conforming, supports_of(scene),
-                    scene.mesh.box)
+                    scene.mesh.box, islands(scene))
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:

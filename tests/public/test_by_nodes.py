@@ -16,11 +16,20 @@ SIDE, CELLS = 3, 12  # subdomains of a cube along each side, and bricks
 SECONDS = 300
 
 
-def cube(path: Path, contrast: float = 1000.0, unit: float = 1.0, force: float = 1.0, **more) -> dict:
-    """A cube whose bricks are soft or stiff at random, clamped at one end, bent at the other."""
+def cube(path: Path, contrast: float = 1000.0, unit: float = 1.0, force: float = 1.0,
+         soft: tuple = (), **more) -> dict:
+    """A cube whose bricks are soft or stiff at random, clamped at one end, bent at the other. Along
+    an edge of it two stiff ones, of two subdomains, are an island in soft ones. Or one brick
+    and that at the lowest corner alone are ``soft``."""
     nodes, tets = bricks([SIDE * unit] * 3, [CELLS] * 3)
     names = ["soft", "stiff"] if contrast > 1 else ["stiff"]
-    group = np.random.default_rng(0).integers(0, len(names), CELLS**3).repeat(6) + 1
+    stiff = np.random.default_rng(0).integers(0, len(names), [CELLS] * 3)
+    border = CELLS // SIDE
+    stiff[-2:, border - 2 : border + 2, -2:] = 0
+    stiff[-1, border - 1 : border + 1, -1] = len(names) - 1
+    if soft:
+        stiff[:], stiff[soft], stiff[0, 0, 0] = 1, 0, 0
+    group = stiff.ravel().repeat(6) + 1
     mesh = meshio.Mesh(nodes, [("tetra", tets)],
                        field_data={name: [k, 3] for k, name in enumerate(names, 1)},
                        cell_data={"gmsh:physical": [group], "gmsh:geometrical": [group]})
@@ -59,6 +68,13 @@ def test_contrast_costs_little(plain, even):
     told(plain)
     told(even)
     assert even.iterations <= plain.iterations <= min(22, even.iterations + 6)
+
+
+def test_a_soft_brick_amid_stiff_ones_is_no_island(even, tmp_path):
+    """It is the last piece of the mesh, and has no node of its own."""
+    amid = solved(cube(tmp_path / "amid.msh", soft=(-2, -2, -2)), reference=True)
+    told(amid)
+    assert amid.iterations <= even.iterations + 2
 
 
 def test_irregular_cuts_cost_little(even, tmp_path):

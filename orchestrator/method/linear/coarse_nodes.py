@@ -11,6 +11,9 @@ is among the fields, and each field is one and the same on all sides:
 Irregular parts meet in many vertices: those of three subdomains or more that are in one cell of a
 grid, of a subdomain's size, are merged. Slices must not merge, whose classes have two.
 
+Stiff islands that a border cuts (``scene.soles.overlap``) are classes of their own, which belong to
+no other: each is a coarse node, and moves rigidly with it.
+
 Reduced coarse spaces of generalised Dryja–Smith–Widlund methods are of this kind: Dohrmann &
 Widlund, SIAM J. Sci. Comput. 39 (2017).
 """
@@ -20,12 +23,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import narrow
+from orchestrator.method.interface.rows import narrow, unit_rows
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import runs
 from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.overlap import islands
 
 # Size of the grid's cells over a subdomain's. Iterations, back-substitutions at set-up, in all; 64
 # METIS parts, 206,763 dofs: nothing merged 25, 55, 100; .5 27, 39, 89; .7 29, 32, 80; .9 30, 25,
@@ -56,9 +60,13 @@ def coarse_fields(scene: Scene, space: TraceSpace) -> tuple[sp.csr_array, np.nda
 
 def _classes(scene: Scene, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, sp.csr_array]:
     """Names (classes,) of the classes of shared nodes (n,), the same on all ranks; the class (n,)
-    int of each node; and (classes, subdomains) whose it is. A rank's part of a scene has all
-    elements around its nodes."""
-    members = scene.shared[nodes]
+    int of each node; and (classes, subdomains and islands) whose it is. A rank's part of a scene
+    has all elements around its nodes."""
+    island = islands(scene)[nodes]
+    others = sp.diags_array(1.0 * (island < 0)) @ scene.shared[nodes]
+    own = unit_rows(island, island.max(initial=-1) + 1)
+    members = sp.csr_array(sp.hstack([others, own]))
+    members.eliminate_zeros()
     sign = np.random.default_rng(0).integers(1, 2**63, members.shape[1], dtype=np.uint64)
     names = np.add.reduceat(sign[members.indices], members.indptr[:-1]) if len(nodes) else sign[:0]
     names, first, label = np.unique(names, return_index=True, return_inverse=True)
