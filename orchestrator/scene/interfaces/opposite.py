@@ -163,6 +163,9 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
     a, b = one.within(two.box, reach.max()), two.within(one.box, reach.max())
     if not len(a) or not len(b):
         return
+    ends = [np.stack([n.min(axis=0), n.max(axis=0)]) for n in (one.normal[a], two.normal[b])]
+    if (ends[0][:, None] * ends[1]).min(axis=(0, 1)).sum() >= cosine:
+        return  # none look at each other
     x, y, near, room = one.centre[a], two.centre[b], reach[a], np.zeros(len(b))
     number = np.zeros(len(b), dtype=int)
     if spheres:
