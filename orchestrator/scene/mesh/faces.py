@@ -78,14 +78,15 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     """
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
-    keys = np.stack([pack(cells[:, face], nodes) for face in LOCAL_FACES], axis=1).ravel()
+    each = cells[:, LOCAL_FACES].reshape(-1, 3)
+    keys = pack(each, nodes)
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     start = np.flatnonzero(np.r_[len(keys) > 0, keys[1:] != keys[:-1]])
     count = np.diff(np.r_[start, len(keys)])
     first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
-    triangles, others = (cells[at[:, None] // 4, LOCAL_FACES[at % 4]] for at in (first, second))
+    triangles, others = each[first], each[second]
     same_way = (count > 1) & (_even(triangles) == _even(others))
     return Faces(nodes, triangles, keys[start], first // 4, np.where(count > 1, second // 4, -1),
                  np.flatnonzero(count > 2),
