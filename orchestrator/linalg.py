@@ -1,4 +1,11 @@
-"""Factorisations of dense and sparse matrices where a library's own choice may fail."""
+"""Factorisations of dense and sparse matrices where a library's own choice may fail.
+
+Shares of the largest of their kind below which numbers say nothing.
+
+A length below ``WRITTEN`` of the whole may come of the digits that files have; one below
+``PLACED`` comes of turning, projecting and measuring what is exact; a difference below ``SAME``
+comes of some sums and products in double precision.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import svd as by_driver
+
+WRITTEN = 1e-6  # files have six digits, or more
+PLACED = 1e-9  # roots of double precision's eps, times what projections lose
+SAME = 1e-12  # some thousand eps
+
 
 def symmetric_lu(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> spla.SuperLU:
     """Factors of a symmetric matrix; ``order`` is SuperLU's word, minimum degree or NATURAL.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.fits import ClampingBolt, Fit, bolts, fits, round_faces
 from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces

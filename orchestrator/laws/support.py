@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.laws.base import GroundLaw, Moves
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 
 SUPPORTED = Status(13, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 GUIDED = Status(14, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)

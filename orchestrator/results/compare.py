@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.results.fields.fields import read_npz
 from orchestrator.results.summary.summary import quantities, read_summary, View
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.inspection import columns
 
 FACTS = ("converged", "stop_reason", "load_steps")

@@ -16,7 +16,7 @@ from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import BoundaryEntry, Scene
 from orchestrator.errors import some
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 
 # Units of length in m, and of force in N.
 LENGTHS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6,

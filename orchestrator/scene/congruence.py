@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 
 import numpy as np
 
-from orchestrator.rounding import SAME
+from orchestrator.linalg import SAME
 
 # Clouds of points that are the same differ by less than this, relatively, in their distances from
 # their first point: by

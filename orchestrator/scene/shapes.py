@@ -24,8 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import cross, facet_normals
-from orchestrator.linalg import svd
-from orchestrator.rounding import PLACED, WRITTEN
+from orchestrator.linalg import PLACED, svd, WRITTEN
 
 # Nodes lie on a cylinder or a sphere within this share of its radius: files have that many digits,
 # and nodes in the middle of

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.paths import is_number
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.sweeps.variants import Variant
 
 # Shares of states, at most: a line through two that lie one step apart has 2 and −1. More would

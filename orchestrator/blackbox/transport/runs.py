@@ -24,7 +24,7 @@ from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BlackBoxError
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.mesh.checks import memory_left
 
 

@@ -32,7 +32,7 @@ from orchestrator.results.summary.cautions import cautions, of_unheld, tool_caut
 from orchestrator.results.summary.summary import place_text
 from orchestrator.results.summary.verdict import PRESSED
 from orchestrator.results.summary.workload import Spent, total
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 

@@ -20,8 +20,7 @@ from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
 from orchestrator.scene.interface import Interface
-from orchestrator.linalg import svd
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import svd, WRITTEN
 
 
 @dataclass

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.rounding import SAME
+from orchestrator.linalg import SAME
 from orchestrator.scene.loads.base import FacePlace, Prescribed
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select

@@ -17,7 +17,7 @@ from pydantic import Field
 from orchestrator.config.base import Vector
 from orchestrator.config.conditions import ProbeEntry, Quantity
 from orchestrator.errors import InputError, KeyPath, Problems, some, wrong
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.interface import ends_of, Interface
 from orchestrator.scene.mesh.faces import components, Faces
 from orchestrator.scene.mesh.geometry import barycentric, format_point

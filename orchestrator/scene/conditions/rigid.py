@@ -11,8 +11,7 @@ from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import by_label, components, Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.linalg import svd
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import svd, WRITTEN
 
 RIGID = 6  # motions of a rigid body
 # Motions that move the prescribed components by less than this share of the body's size count as

@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.rounding import SAME
+from orchestrator.linalg import SAME
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point

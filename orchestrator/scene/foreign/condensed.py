@@ -25,8 +25,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
-from orchestrator.linalg import dissection, symmetric_lu
-from orchestrator.rounding import PLACED, SAME
+from orchestrator.linalg import dissection, PLACED, SAME, symmetric_lu
 
 # Share of the diagonal that makes a pivot other than zero, where one is: rounding.
 LEAST = 1e-15

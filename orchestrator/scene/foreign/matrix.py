@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.rounding import PLACED, WRITTEN
+from orchestrator.linalg import PLACED, WRITTEN
 from orchestrator.scene.conditions.rigid import motions
 from orchestrator.scene.foreign.condensed import check_modulus, condense, Condensed, judged
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints

@@ -14,8 +14,7 @@ from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
-from orchestrator.linalg import svd
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import svd, WRITTEN
 
 # Between nodes that are spread evenly triangles are at most this much larger than the smallest at
 # their corners: twice on

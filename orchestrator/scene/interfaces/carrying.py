@@ -23,7 +23,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.operators import covered_around, node_gaps

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.interfaces.carrying import give_operators
 from orchestrator.scene.interfaces.mortar.moving import paired_mortar
 from orchestrator.scene.interfaces.governing import govern

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
-from orchestrator.rounding import SAME
+from orchestrator.linalg import SAME
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh

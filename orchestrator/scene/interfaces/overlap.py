@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, Triangles
 from orchestrator.scene.interfaces.skins import over, Skin, smooth_faces, surface_of

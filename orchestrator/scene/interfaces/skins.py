@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.kept import kept
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
 from orchestrator.scene.mesh.geometry import facet_normals, unit

@@ -16,7 +16,7 @@ import numpy as np
 from orchestrator.config.base import no_direction
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem, Problems
-from orchestrator.rounding import SAME
+from orchestrator.linalg import SAME
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import summed
 from orchestrator.scene.mesh.mesh import Mesh

@@ -15,7 +15,7 @@ from pydantic import Field as Key
 from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, unit, Vector
 from orchestrator.config.paths import free_at_times, rows_of, shown
 from orchestrator.errors import dotted, KeyPath, Problem
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.loads.base import (Field, Ground, Kind, FacePlace, Prescribed, ROUNDING,
                                            Uniform)
 from orchestrator.scene.loads.grounds import Springs

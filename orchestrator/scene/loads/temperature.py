@@ -20,7 +20,7 @@ from pydantic import Field
 
 from orchestrator.config.base import Name, Part, Vector, either
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
-from orchestrator.rounding import PLACED, WRITTEN
+from orchestrator.linalg import PLACED, WRITTEN
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import VolumePlace, Kind, Strain
 from orchestrator.scene.mesh.geometry import format_point, shape_gradients, summed, tet_volumes

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.rounding import PLACED, SAME, WRITTEN
+from orchestrator.linalg import PLACED, SAME, WRITTEN
 from orchestrator.scene.mesh.faces import LOCAL_FACES
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import barycentric, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh

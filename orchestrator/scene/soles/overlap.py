@@ -39,7 +39,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.interface import Difficulty, Interface

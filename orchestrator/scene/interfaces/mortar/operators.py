@@ -45,7 +45,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.kept import kept
-from orchestrator.rounding import SAME, WRITTEN
+from orchestrator.linalg import SAME, WRITTEN
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.kept import kept
-from orchestrator.rounding import SAME, WRITTEN
+from orchestrator.linalg import SAME, WRITTEN
 from orchestrator.scene.interfaces.opposite import Triangles, opposite
 
 # Faces face each other where the cosine between their normals is below this: curved faces of coarse

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.processes import mallopt
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.mesh.faces import LOCAL_FACES, renumbered, runs
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
 from orchestrator.scene.mesh.grains.polyhedra import SIDES, Tessellation

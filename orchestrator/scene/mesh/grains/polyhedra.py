@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree, Voronoi
 
-from orchestrator.rounding import PLACED
+from orchestrator.linalg import PLACED
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, cross, summed, unit
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import meshio
 import numpy as np
 
-from orchestrator.rounding import WRITTEN
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.mesh.checks import bad_file
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import format_point, position_rank, tet_volumes
