@@ -192,7 +192,7 @@ class Refusal(Exception):
         return partial(Refusal, self.cause, **self.facts), ()
 
 
-SHOWN = 4  # names in a sentence
+SHOWN, LISTED = 4, 50  # names in a sentence, rows of a table: more are told by their number
 # What moves a terminal's cursor, colours it, or turns the order of what follows; not the end of a
 # line.
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")

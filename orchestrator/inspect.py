@@ -14,7 +14,7 @@ from orchestrator.blackbox.start import find_codes
 from orchestrator.config.mesh import MeshEntry as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, LISTED, Problem
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
@@ -31,7 +31,6 @@ from orchestrator.scene.model import Scene
 
 STEP = {".stp", ".step"}
 CAD = {*STEP, ".brep"}
-PAIRS = 50  # that ``check`` shows; ``inspect`` shows all
 
 
 def inspected(path: Path, h: float | None = None) -> list[str]:
@@ -129,8 +128,8 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
         lines.append(f"element: {scene.element}")
     lines += [*_pairs(scene, config), *bolt_table(scene)]
     gaps = [beside.gap for beside in scene.near.values() if beside.gap]
-    lines += [f"gap: {sentence}" for sentence in gaps[:PAIRS]] + [
-        f"… and {len(gaps) - PAIRS} gaps more"] * (len(gaps) > PAIRS)
+    lines += [f"gap: {sentence}" for sentence in gaps[:LISTED]] + [
+        f"… and {len(gaps) - LISTED} gaps more"] * (len(gaps) > LISTED)
     laws = dict.fromkeys(f"{i.name} {i.law.caution}" for i in scene.interfaces if i.law.caution)
     said = [*scene_cautions(scene), *stabilisation_cautions(config.method), *laws]
     if config.output.units is None:
@@ -162,7 +161,7 @@ def _pairs(scene: Scene, config: Config) -> list[str]:
     if not any(entry.found for entry in config.interfaces) and all(
         i.paired for i in scene.interfaces):
         return []
-    return pair_table(pairs_of_scene(scene), PAIRS)
+    return pair_table(pairs_of_scene(scene), LISTED)
 
 
 def _check_iterations(scene: Scene, method: Method) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import getdoc
 
+from orchestrator.errors import LISTED
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.extremes import NAME as EXTREMES
@@ -22,7 +23,6 @@ from orchestrator.results.summary.summary import jsonable, View
 
 Entry = Mapping[str, object]
 
-MOST = 40  # rows of a kind; of more, the largest
 EXTREME = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
 # quantity, its formula, what it tells; measures of the laws follow
 QUANTITIES = [
@@ -132,7 +132,7 @@ def _answers(s: View, extremes: Sequence[Sequence[str]]) -> Iterator[Table]:
             if (row["quantity"], row["extreme"]) in EXTREME]
     stress = {row["part"]: float(row["value"]) for row in rows if row["quantity"] == "von_mises"}
     kept = sorted(dict.fromkeys(row["part"] for row in rows),
-                  key=lambda name: -stress.get(name, 0.0))[:MOST]
+                  key=lambda name: -stress.get(name, 0.0))[:LISTED]
     yield Table("Extremes", _columns(("part", "quantity", "extreme", "value", "at"),
                                      ) | {"load step": "load_step"},
                 [row | {"value": f"{float(row['value']):.5g}"} for name in kept for row in rows
@@ -162,7 +162,7 @@ def _contact(s: View) -> Iterator[Table]:
         "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force "
         "on side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap.")
     faces = [face for face in s.contact_faces if max(face["capacity"], default=0.0) > 0]
-    kept = sorted(faces, key=lambda face: -max(face["capacity"]))[:MOST]
+    kept = sorted(faces, key=lambda face: -max(face["capacity"]))[:LISTED]
     state = {"bore": ("bears", "bears")}
     yield Table("Faces in contact", {
         "face": "name", "load step": "step", "normal": "normal", "friction": "carried",

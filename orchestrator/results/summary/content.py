@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import some
+from orchestrator.errors import LISTED, some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.faces import Face
@@ -41,7 +41,6 @@ from orchestrator.timing import Stopwatch
 # iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
 RESIDUALS = ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")
-MOST_SHARES = 20  # bodies, and interfaces, of which a share of the error is told
 
 
 def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float,
@@ -153,7 +152,7 @@ def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
 def _shares(found: Shares | None) -> dict[str, object] | None:
     """The largest shares of the error, and every body's own beside its own energy."""
     return found and {"load_step": found.step + 1,
-                      **{key: dict(islice(getattr(found, key).items(), MOST_SHARES))
+                      **{key: dict(islice(getattr(found, key).items(), LISTED))
                          for key in ("bodies", "interfaces")}, "own": found.own}
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import Problems, some
+from orchestrator.errors import LISTED, Problems, some
 from orchestrator.scene.interface import Beside, ends_of, Interface
 from orchestrator.scene.interfaces.distances import paired_gap, surface_gap, tell_distances
 from orchestrator.scene.interfaces.facing import matching_faces, meshed_apart
@@ -29,8 +29,6 @@ from orchestrator.scene.mesh.geometry import facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import suggestion
 
-# Pairs of parts beyond which it is not said how far apart the nearest ones are.
-MOST = 50
 # Share of a part's thickness from which an interference is outside small strains.
 DEEP = 0.1
 
@@ -205,7 +203,7 @@ def _how_far(parts: Parts, laws: Laws, entry: Any) -> str:
     sides = [[b for b in parts.bodies if laws.means(pattern, parts.known(b))]
              for pattern in entry.pair]
     pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
-    if not pairs or len(pairs) > MOST:
+    if not pairs or len(pairs) > LISTED:
         return ""
     for a, b in pairs:
         if (inside := parts.inside(a.volume, b.volume)) is not None:
