@@ -17,6 +17,9 @@ from scipy.linalg import svd as by_driver
 WRITTEN = 1e-6  # files have six digits, or more
 PLACED = 1e-9  # roots of double precision's eps, times what projections lose
 SAME = 1e-12  # some thousand eps
+# Largest |A x − b| over that of the entries, or the diagonal, times |x| and b, which a
+# factorisation may leave: sound ones leave some 1e-16, however the matrix is conditioned.
+BACKWARD = 1e-11
 
 
 def symmetric_lu(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> spla.SuperLU:

@@ -16,9 +16,11 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, IO
 
 from orchestrator.errors import wrong
+
+TAIL = 2000  # bytes of what a program printed last
 
 _running: set[subprocess.Popen] = set()
 # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
@@ -131,6 +133,12 @@ def trim() -> None:
     """
     with suppress(OSError, AttributeError):
         ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+def last_words(log: IO[bytes]) -> str:
+    """Return the last that a program printed; the offset, which it may share, stays."""
+    begin = max(0, os.fstat(log.fileno()).st_size - TAIL)
+    return os.pread(log.fileno(), TAIL, begin).decode(errors="replace").strip()
 
 
 def mallopt(option: int, value: int) -> None:

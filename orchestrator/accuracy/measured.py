@@ -52,6 +52,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from orchestrator.linalg import WRITTEN
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.error_estimate import ErrorEstimate
 from orchestrator.results.solution import Solution
@@ -60,7 +61,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 
 # coarser tets with the nearest centres, one of which has a finer one within: few first, then more
 NEAR = 8, 64, 512
-WITHIN = -1e-6  # barycentric coordinates that rounding leaves of zero
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Stressed:
         from_centre = corners - before.nodes[before.cells].mean(axis=1)[parent, None]
         # (m, 4, 4) barycentric
         place = 0.25 + np.einsum("mpi,mai->mpa", from_centre, gradients[parent])
-        if place.min(initial=0.0) < WITHIN:
+        if place.min(initial=0.0) < -WRITTEN:
             return None
         theirs = before.stress[:, :, parent]
         if theirs.shape[1] == 4:
@@ -119,7 +119,7 @@ class Stressed:
                                       gradients[near])).min(axis=2)
             best = least.argmax(axis=1)
             found[left] = near[np.arange(len(left)), best]
-            left = left[least.max(axis=1) < WITHIN]
+            left = left[least.max(axis=1) < -WRITTEN]
             if not len(left):
                 return found
         return None

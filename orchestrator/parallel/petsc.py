@@ -22,6 +22,7 @@ from types import ModuleType
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.linalg import BACKWARD
 from orchestrator.optional import absent
 from orchestrator.parallel.team import Team
 
@@ -29,9 +30,6 @@ NUMPY_2 = (3, 21)  # the first binding that goes with numpy 2
 CURE = (
     "./setup.sh cluster makes an environment with Debian's python3-petsc4py, .venv-cluster; "
     "conda-forge has petsc4py too")
-# Largest |A x − b| over that of the entries times |x| and b, which a factorisation may leave: as of
-# ``factor.BACKWARD``.
-BACKWARD = 1e-11
 OPTIONS = ("-no_signal_handler", "-skip_petscrc")  # signals are ours
 
 

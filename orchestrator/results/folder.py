@@ -18,12 +18,11 @@ from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from orchestrator.errors import InputError, Problem, wrong
+from orchestrator.errors import InputError, Problem, SHOWN, wrong
 from orchestrator.results.manifest import (
     FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, UNFINISHED, Manifest)
 
 DIRECTORY_KEY = ("output", "directory")
-SHOWN = 5  # names in a message
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 
 

@@ -22,8 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox.codes.adapter import (
-    NO_SOLVER, NoSolver, made, promised, read_model, solver_class)
-from orchestrator.blackbox.diagnosis import diagnosis
+    diagnosis, made, NO_SOLVER, NoSolver, promised, read_model, solver_class)
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 

@@ -29,6 +29,7 @@ from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.transport.worker import Ended, Worker, ready
+from orchestrator.processes import last_words
 
 _PIPE_SIZE = 1 << 20  # bytes the kernel keeps on the way; its default is 64 kB
 
@@ -171,7 +172,7 @@ class MessageWorker(RunWorker):
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")  # waits for the process's end
             missing = self.code.missing_part(self.process.returncode if exit_code is None
-                                             else exit_code, self.log_tail())
+                                             else exit_code, last_words(self.log))
             raise missing or (failure if exit_code is None else error) from error
         self.code.heard(hello.reals)
         self.seconds["start"] += float(hello.seconds[0])

@@ -22,9 +22,8 @@ from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, wrong
-from orchestrator.processes import end, memory_peak_mb, started
+from orchestrator.processes import end, last_words, memory_peak_mb, started
 
-LOG_TAIL = 2000  # bytes
 MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
 
 
@@ -206,14 +205,7 @@ class Worker:
             with suppress(subprocess.TimeoutExpired):
                 meaning = self.code.meaning(self.process.wait(timeout=1.0 if ended else 0.0))
         return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning,
-                             self.log_tail())
-
-    def log_tail(self) -> str:
-        """Last lines of what the process printed."""
-        size = os.fstat(self.log.fileno()).st_size
-        # pread: the offset is shared with the process that writes
-        return os.pread(self.log.fileno(), LOG_TAIL,
-                        max(0, size - LOG_TAIL)).decode(errors="replace").strip()
+                             last_words(self.log))
 
 
 def ready(fd: int, event: int, deadline: float) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.template import Solver
-from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
+from orchestrator.blackbox.codes.adapter import AGREE, diagnosis, difference
 from orchestrator.blackbox.guard import OWN
 from orchestrator.blackbox.protocol import BlackBox, Model, Origin
 from orchestrator.blackbox.trial.models import Trial, trial_models

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.template import Solver
-from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
+from orchestrator.blackbox.codes.adapter import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.scene.mesh.sources import bricks
 

@@ -17,15 +17,11 @@ import scipy.sparse.linalg as sla
 
 from orchestrator.method.sparse import cholmod
 from orchestrator.optional import absent
-from orchestrator.linalg import dissection, symmetric_lu
+from orchestrator.linalg import BACKWARD, dissection, symmetric_lu
 
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree,
 # at 24,000 half as long.
 ORDERED = 2000
-# Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave;
-# sound ones leave some 1e-16, however
-# the matrix is conditioned.
-BACKWARD = 1e-11
 
 Solve = Callable[[np.ndarray], np.ndarray]  # right-hand sides to solutions
 

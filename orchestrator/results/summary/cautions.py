@@ -19,14 +19,14 @@ from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene
 
-# estimated discretisation error, relative, energy norm: the energy itself is off by its square
-COARSE = 0.1
+# from which it is told: the estimated discretisation error, relative, energy norm, by whose square
+# the energy itself is off; the share of pressures by which curved sides that slide may have them
+# wrong, or gaps of tools' be off
+TOLD = 0.1
 # of an element, slips beyond which are told; beyond the whole of it pairs no longer face each other
 FIFTH = 0.2
-# share of pressures, by which curved sides that slide may have them wrong, from which they are told
-WRONG = 0.1
-# shares of gaps' worth of pressure, and of forces that point elsewhere, from which tools are told
-AMISS, TURNED = 0.1, 0.01
+# share of forces that point elsewhere, from which tools are told
+TURNED = 0.01
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
@@ -45,7 +45,7 @@ def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
     moved = Moved.of(scene, sides)
     kept = [s for s in scene.subdomains if s.body not in lost and s.index not in tools]
     result = [*scene_cautions(scene)]
-    if (error := discretisation_error) is not None and error > COARSE:
+    if (error := discretisation_error) is not None and error > TOLD:
         finer, linear = (
             "halve the element size where fields/ show large discretisation_error",
             scene.mesh.cells.shape[1] == 4)
@@ -128,7 +128,7 @@ def _sliding(met: Met) -> Iterator[str]:
             "where they did before loading; between parts meshed each on its own contact has "
             "pairing: follow")
     if wrong := {name: share for name, far_ in far.items() if far_ <= 1
-                 and (share := bent[name]) > WRONG}:
+                 and (share := bent[name]) > TOLD}:
         yield (
             f"{some(sorted(wrong, key=wrong.get, reverse=True))} slid on curved faces that do not "
             f"conform: pressures may be off by {min(max(wrong.values()), 1.0):.0%} of the largest, "
@@ -141,7 +141,7 @@ def tool_cautions(placed: Sequence[PlacedTool]) -> Iterator[str]:
     contact have passed through.
     """
     for one in placed:
-        told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > AMISS) + \
+        told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > TOLD) + \
             [f"forces point {one.turned:.1%} of their size elsewhere"] * (one.turned > TURNED)
         if told:
             yield (

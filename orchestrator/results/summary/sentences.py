@@ -12,6 +12,7 @@ from math import hypot
 import numpy as np
 
 from orchestrator.errors import some
+from orchestrator.linalg import WRITTEN
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.summary import View
 
@@ -19,7 +20,6 @@ OWN = 10.0  # errors asked, told of a body's own beside its own energy from whic
 # tolerances, told of a body's place from which it is named: what is off by ten has been told to be
 # off by four at least
 FAR = 3.0
-SURE = 1e-6  # of the largest number of its kind: an error that is not told
 ROUNDED = 1e-10  # of the largest of them: shown as zero
 
 
@@ -181,7 +181,8 @@ def off_by(s: View) -> list[str]:
         f"{name.replace('_', ' ').replace('reaction.', '')} ± {error:.1e}  (estimated, by what "
         "the last meshes have changed)"
         for name, each in together.items()
-        if (error := hypot(*(error for _, error in each))) > SURE * kinds[name.partition(".")[0]]]
+        if (error := hypot(*(error for _, error in each))) > WRITTEN * kinds[
+            name.partition(".")[0]]]
 
 
 def size(s: View) -> str:

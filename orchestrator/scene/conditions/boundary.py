@@ -16,8 +16,7 @@ import numpy as np
 
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.linalg import SAME
-from orchestrator.scene.loads.base import FacePlace, Prescribed
-from orchestrator.scene.loads.frame import Cylindrical
+from orchestrator.scene.loads.base import Cylindrical, FacePlace, Prescribed
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.interfaces.parts import bonded
 from orchestrator.scene.mesh.faces import Faces, components

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.errors import Problems, some
+from orchestrator.errors import Problems, SHOWN, some
 from orchestrator.scene.mesh.faces import by_label, components, Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point, unit
 from orchestrator.scene.mesh.mesh import Mesh
@@ -27,8 +27,6 @@ JOINED = (
     "that do not match as well")
 MERGE = ('merge the nodes (pyvista: grid.clean(); gmsh: "Coherence Mesh", '
          "model.mesh.removeDuplicateNodes())")
-# So many of the hinges that do not hold a body are described.
-SAID = 3
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         said = list(dict.fromkeys(hinge.cure for hinge in hinges if i in piece[list(hinge.cells)]))
         if said:
-            cure = "; ".join([cure, *said[:SAID]])
+            cure = "; ".join([cure, *said[:SHOWN]])
         elif hint is not None and hint[i] and set(parts) <= {
                 v for j, names in enumerate(named) if j != i for v in names}:
             cure = (f"{hint[i]} of its nodes coincide with nodes of another piece of the same "

@@ -26,13 +26,12 @@ import numpy as np
 from orchestrator.config.mesh import ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.folders import temporary
-from orchestrator.processes import waited_for
+from orchestrator.processes import last_words, waited_for
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.matrix import between, checked_nodes
 
 SPRINGS, FORCES = "springs.txt", "forces.txt"
 DISPLACEMENTS, JOINT = "displacements.txt", "joint.txt"
-TAIL = 2000  # bytes of what it printed last
 LINES = 400_000  # of forces in one call: more cases are more calls
 
 
@@ -164,8 +163,7 @@ class ProgramRuns:
                                  "for what it waits for: it has no "
                                  "input but its files") from None
             if code:
-                log.seek(max(0, os.fstat(log.fileno()).st_size - TAIL))
-                said = log.read().decode(errors="replace").strip().splitlines()[-5:]
+                said = last_words(log).splitlines()[-5:]
                 how = (
                     f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}")
                 raise self.wrong(f"{Path(self.part.run).name} {how}"

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.linalg import PLACED
+from orchestrator.linalg import PLACED, WRITTEN
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.operators import covered_around, node_gaps
@@ -23,8 +23,6 @@ from orchestrator.scene.mesh.geometry import (
     format_point, local_size, node_normals, node_vectors, rounding, unit)
 from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
-# Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.
-ROUNDING, TOLD = 1e-9, 1e-6
 # Share of what both have in common that is inside, from which it is meant.
 MANY = 0.1
 
@@ -56,7 +54,7 @@ def paired_gap(parts: Parts, interface: Interface, key: tuple[int, str], filled:
         edges = interface.triangles[:, 3:].ravel()
         gap = gap - np.bincount(edges, filled.ravel(),
                                 len(gap)) / np.maximum(np.bincount(edges, minlength=len(gap)), 1)
-    return np.where(np.abs(gap) <= rounding(middle, ROUNDING * h), 0.0, gap)
+    return np.where(np.abs(gap) <= rounding(middle, PLACED * h), 0.0, gap)
 
 
 def _refuse(problems: Problems, interface: Interface, key: tuple[int, str], points: np.ndarray,
@@ -98,7 +96,7 @@ def surface_gap(parts: Parts, interface: Interface, key: tuple[int, str],
             "; facets there are off the surfaces that they stand for by "
             f"{off_facets[np.where(deep, inside, 0.0).argmax()]:.3g} at most")
         _refuse(problems, interface, key, x1, np.where(deep, inside, 0.0), off)
-    gap, nothing = _surface_distance(parts, surfaces), rounding(x1, ROUNDING * h)
+    gap, nothing = _surface_distance(parts, surfaces), rounding(x1, PLACED * h)
     if not deep.any():
         _refuse_press_fit(parts, interface, key, gap, unsure + nothing, problems)
     touching = (gap <= unsure + nothing) & (gap >= -off_facets - nothing)
@@ -203,13 +201,13 @@ def tell_distances(parts: Parts, laws: Laws, found: Sequence[Interface],
         if not read and interface.surfaces is not None and _curved(interface.surfaces):
             surfaces = interface.surfaces
             sure = around(surfaces, *(side.unsure for side in surfaces.under)) + rounding(
-                surfaces.points[0], ROUNDING * surfaces.size)
+                surfaces.points[0], PLACED * surfaces.size)
             _refuse_press_fit(parts, interface, (interface.entry, "between"),
                               _surface_distance(parts, surfaces), sure, problems)
         points = parts.mesh.nodes[interface.global_nodes]
         gap = np.minimum(interface.law.distance, 0.0) if read else _apart(parts, interface, points)
         h = local_size(points, interface.triangles)
-        size = np.where(np.abs(gap) > np.maximum(TOLD * h, rounding(points, ROUNDING * h)),
+        size = np.where(np.abs(gap) > np.maximum(WRITTEN * h, rounding(points, PLACED * h)),
                         np.abs(gap), 0.0)
         at, key = int(size.argmax()), (read,
                                        tuple(sorted(parts.partition.body(e)

@@ -16,8 +16,7 @@ from orchestrator.config.base import Part, PartlyFree, Positive, Vector
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.loads.base import Ground, Kind, FacePlace
-from orchestrator.scene.loads.frame import Cylindrical
+from orchestrator.scene.loads.base import Cylindrical, FacePlace, Ground, Kind
 from orchestrator.scene.mesh.geometry import areas, node_normals, unit
 
 

@@ -16,10 +16,9 @@ from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, 
 from orchestrator.config.paths import free_at_times, rows_of, shown
 from orchestrator.errors import dotted, KeyPath, Problem
 from orchestrator.linalg import WRITTEN
-from orchestrator.scene.loads.base import (Field, Ground, Kind, FacePlace, Prescribed, ROUNDING,
-                                           Uniform)
+from orchestrator.scene.loads.base import (
+    Cylindrical, FacePlace, Field, Ground, Kind, Prescribed, ROUNDING, Uniform)
 from orchestrator.scene.loads.grounds import Springs
-from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import area_vectors
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.interfaces.mortar.operators import scalar
+from orchestrator.scene.interfaces.mortar.surfaces import CONTRAST
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_areas, node_normals
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.interface import Interface
@@ -26,8 +27,6 @@ from orchestrator.scene.model import Scene
 
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01
-# Moduli of the two sides that differ by more than this differ much.
-CONTRAST = 10.0
 # Thickness and modulus of a layer of ten-node tets over those of the linear layer that it stands
 # for.
 STRETCH = np.sqrt(35 / 6)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from orchestrator.errors import wrong
-from orchestrator.linalg import svd
+from orchestrator.linalg import SAME, svd, WRITTEN
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.checks import check_size, coarser, DENSITY
 from orchestrator.scene.mesh.faces import renumbered
@@ -129,9 +129,6 @@ GOOD, GAIN = 1.5, 0.01
 # after none was better:
 # the last steps are a hundredth of the first, which is half the shortest edge.
 DIRECTIONS, TRIALS, SHORTER = 12, 24, 0.7
-# Directions this close to a plane (sine of the angle) lie in it; components this small are
-# rounding.
-IN_PLANE, ROUNDING = 1e-6, 1e-12
 
 
 class Mending:
@@ -188,7 +185,7 @@ class Mending:
         if len(touched):
             way, free = place - self.points[node], self._free(node)
             off = float(np.linalg.norm(way - free @ (free.T @ way)))
-            if off > IN_PLANE * np.linalg.norm(way):
+            if off > WRITTEN * np.linalg.norm(way):
                 self.bent, self.by = self.bent + 1, max(self.by, off)
             self.points[node] = place
             self.moved += 1
@@ -209,9 +206,9 @@ class Mending:
         if not between:
             return np.eye(3)
         _, lengths, axes = svd(facet_normals(self.points, np.array(between))[0])
-        free = axes[int(np.sum(lengths > IN_PLANE * lengths[0])):].T
+        free = axes[int(np.sum(lengths > WRITTEN * lengths[0])):].T
         # so that what lies on a side of a box stays on it exactly
-        return np.where(np.abs(free) < ROUNDING, 0.0, free)
+        return np.where(np.abs(free) < SAME, 0.0, free)
 
     def _moved(self, node: int, free: np.ndarray, was: float) -> tuple[float, np.ndarray]:
         """Best place of a node, in some directions (3, k), and the quality of the worst of its
