@@ -191,7 +191,7 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     size, S = np.abs(S).max(initial=0.0), (S + S.T) / 2
     share, motions, energies = _rigid(joints, S, free)
     if joints.left.shape[1] and share > WRONG:
-        raise _not_rigid(joints, S, free, path, name, share, motions)
+        raise _not_rigid(path, name, share, motions)
     if joints.left.shape[1] < 6 and motions.max(initial=0.0) <= WRONG:
         raise wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing",
                     "supports in the matrix or deck, or none "
@@ -264,8 +264,7 @@ def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.n
     return share, cost(R), values
 
 
-def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str,
-               share: float, motions: np.ndarray) -> InputError:
+def _not_rigid(path: KeyPath, name: str, share: float, motions: np.ndarray) -> InputError:
     if motions[:3].max() <= WRONG:
         return wrong(path,
                      f"'{name}': rotations cost force, {share:.1e} of the stiffness, and "

@@ -195,7 +195,7 @@ def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbe
         problems.add(("interfaces",),
                      f"{name!r} meets no other part: its joints reach from "
                      f"{format_point(points.min(axis=0))} to "
-                     f"{format_point(points.max(axis=0))}" + _beside(points, others),
+                     f"{format_point(points.max(axis=0))}" + _extent(others),
                      "joints that lie on faces of other parts and look at them, and an entry of "
                      "interfaces between them",
                      "name it under interfaces, move the other parts to it (parts: move), make "
@@ -236,7 +236,7 @@ def report_units(mesh: Mesh, interfaces: list[Interface], subdomain: np.ndarray,
                 "units of stress")
 
 
-def _beside(points: np.ndarray, others: np.ndarray) -> str:
+def _extent(others: np.ndarray) -> str:
     """Words for the extent of the other parts."""
     if not len(others):
         return ""
