@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.mesh import Curved
-from orchestrator.errors import some, wrong
+from orchestrator.errors import LISTED, some, wrong
 from orchestrator.inspect import section_of
 from orchestrator.proposal import Proposal
 from orchestrator.scene.inspection import SurfaceRow, surfaces_of
@@ -25,7 +25,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import joined, make_mesh, placed
 from orchestrator.scene.names import unique_names
 
-SHOWN = 60  # names of a kind in a comment
 WIDTH = 100  # of a line in the file
 METIS = 20_000  # dofs of a subdomain, where the file has one volume
 # elements on a full circle: chords are off it by 3 % of its radius, ten-node tets bend with it
@@ -212,4 +211,4 @@ def _ends(rows: list[SurfaceRow], across: bool) -> tuple[SurfaceRow, SurfaceRow]
 
 def _names(names: list[str]) -> str:
     """Names as lines of a comment."""
-    return "\n#           ".join(textwrap.wrap(some(names, SHOWN), WIDTH, break_long_words=False))
+    return "\n#           ".join(textwrap.wrap(some(names, LISTED), WIDTH, break_long_words=False))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
@@ -215,12 +216,40 @@ def doctor() -> int | None:
     packages are there.
     """
     from orchestrator.blackbox.start import doctor as codes
-    from orchestrator.doctor import examine
+    from orchestrator.method.sparse import cholmod
+    from orchestrator.optional import absent, command as brings, WANTED
+    from orchestrator.parallel import petsc
 
-    # with it all loops of contact are compiled, so that nobody's first run has to
-    lines = codes() + examine()
+    library, solver = cholmod.library(), petsc.library()
+    lines = [
+        *codes(), *(f"without {name}: {use}; {brings(name)}"
+                    for name, (_, use) in WANTED.items() if absent(name)),
+        "without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: "
+        "suitesparse" if library is None else f"CHOLMOD: {library._name}",
+        f"without PETSc, which spreads macro problems of many ranks: {solver}"
+        if isinstance(solver, str) else
+        f"PETSc {'.'.join(map(str, solver.Sys.getVersion()))} with MUMPS: {solver.__file__}"]
+    if not absent("numba"):
+        lines.append(compiled_once())
     print("\n".join(lines))
     return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
+
+
+def compiled_once() -> str:
+    """Compile all loops of contact, so that nobody's first run has to, if that has not been done
+    for this package, Python and compiler; return a line that tells where they are.
+    """
+    from orchestrator.compiled import kept_in
+    from orchestrator.config.load import load_config
+    from orchestrator.solving import solve
+
+    done = kept_in() / "done"
+    if not done.exists():
+        # the smallest scene that calls every loop, which its first few iterations compile
+        solve(load_config(Path(__file__).with_name("loops.yaml")).config)
+        with suppress(OSError):
+            done.touch()
+    return f"loops of contact: compiled, and kept in {done.parent}"
 
 
 @command(REST)

@@ -192,6 +192,7 @@ class Refusal(Exception):
         return partial(Refusal, self.cause, **self.facts), ()
 
 
+LITTLE = 0.01  # share of a whole whose lack, loss or error is passed over without a word
 SHOWN, LISTED = 4, 50  # names in a sentence, rows of a table: more are told by their number
 # What moves a terminal's cursor, colours it, or turns the order of what follows; not the end of a
 # line.

@@ -28,18 +28,14 @@ WANTED = {
 DRAWING = ("matplotlib", "pyvista", "vtkmodules")
 
 
-def need(package: str, *parts: str) -> ModuleType:
-    """A package, or a module of it.
-
-    Raises InputError: it is not installed
-    """
+def need(package: str) -> ModuleType:
+    """A package; raises InputError: it is not installed."""
     try:
-        found = import_module(package)
+        return import_module(package)
     except ModuleNotFoundError as error:
         if error.name != package:  # it is there, and lacks something itself
             raise
         raise missing(package) from error
-    return import_module(".".join((package, *parts))) if parts else found
 
 
 def missing(package: str) -> InputError:

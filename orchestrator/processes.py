@@ -131,8 +131,7 @@ def trim() -> None:
     """Give free memory back to the system: after set-up a sixth of what 207,000 dofs take at the
     peak. Where the C library is GNU's.
     """
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL("libc.so.6").malloc_trim(0)
+    libc("malloc_trim", 0)
 
 
 def last_words(log: IO[bytes]) -> str:
@@ -141,10 +140,10 @@ def last_words(log: IO[bytes]) -> str:
     return os.pread(log.fileno(), TAIL, begin).decode(errors="replace").strip()
 
 
-def mallopt(option: int, value: int) -> None:
-    """Tell the C library how to hand out memory, where it is GNU's."""
+def libc(name: str, *values: int) -> None:
+    """Call a function of the C library, where it is GNU's."""
     with suppress(OSError, AttributeError):
-        ctypes.CDLL("libc.so.6").mallopt(option, value)
+        getattr(ctypes.CDLL("libc.so.6"), name)(*values)
 
 
 # addresses that libraries, their threads and the buffers of BLAS take on two cores, however small

@@ -11,7 +11,7 @@ import pytest
 from processes import begin, gone, running
 from yaml_case import call
 
-from orchestrator import doctor
+from orchestrator import cli
 from orchestrator.errors import BlackBoxError, InputError, Problem
 
 ROOT = Path(__file__).parents[1]
@@ -128,7 +128,7 @@ def test_sigterm_interrupts_in_order(room):
 
 def test_doctor(monkeypatch):
     """What every run needs and is missing ends with exit code 2; other codes are optional."""
-    monkeypatch.setattr(doctor, "compiled_once", lambda: "loops of contact: compiled")  # that takes as long as twenty of these tests
+    monkeypatch.setattr(cli, "compiled_once", lambda: "loops of contact: compiled")  # that takes as long as twenty of these tests
     whole = call("doctor")
     assert whole.exit_code == 0 and "FreeFEM: /" in whole.stdout and "calculix: 2" in whole.stdout
     monkeypatch.setenv("ORCHESTRATOR_CALCULIX", "/nowhere/ccx")

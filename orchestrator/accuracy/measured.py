@@ -110,11 +110,11 @@ class Stressed:
             self.nodes, self.cells)[0]
         far = 10 * float(np.ptp(self.nodes, axis=0).max())  # bodies may be inside each other
         tree = cKDTree(np.column_stack([centres, far * self.volume]))
-        found, left = np.empty(len(points), dtype=int), np.arange(len(points))
+        found, left = np.empty(len(points), int), np.arange(len(points))
         for count in NEAR:
             count = min(count, len(centres))
             near = tree.query(np.column_stack([points[left], far * volume[left]]),
-                              count)[1].reshape(len(left), count)
+                              count)[1].reshape(-1, count)
             least = (0.25 + np.einsum("kci,kcai->kca", points[left, None] - centres[near],
                                       gradients[near])).min(axis=2)
             best = least.argmax(axis=1)

@@ -150,12 +150,12 @@ class SpreadBlocks:
         right = np.random.default_rng(first).uniform(-1.0, 1.0, last - first)
         self._right.setArray(right)
         self._solver.solve(self._right, self._left)
-        found = self._left.norm(self._petsc.NormType.INFINITY)
+        most = self._petsc.NormType.INFINITY
+        found = self._left.norm(most)
         left = matrix.createVecLeft()
         matrix.mult(self._left, left)
         left.axpy(-1.0, self._right)
-        apart, largest = left.norm(self._petsc.NormType.INFINITY), matrix.norm(
-            self._petsc.NormType.INFINITY)
+        apart, largest = left.norm(most), matrix.norm(most)
         if not apart <= BACKWARD * (largest * found + 1.0):
             raise RuntimeError(f"MUMPS leaves a residual of {apart:.1e}")
 

@@ -148,7 +148,7 @@ def _read_with(path: str, root: str) -> Iterator[str]:
     suffix = os.path.splitext(path)[1].lower()
     try:
         with open(path, "rb") as file:
-            text = b"" if suffix in _ALONE or b"\0" in file.peek(_BINARY) else file.read()
+            text = b"" if suffix in _ALONE or b"\0" in file.peek() else file.read()
     except OSError:
         return
     for pattern, others in _INCLUDES.get(suffix, _BY_WORDS):
@@ -172,7 +172,6 @@ def _pattern(text: str) -> re.Pattern[bytes]:
     return re.compile(text.encode(), re.IGNORECASE | re.MULTILINE)
 
 
-_BINARY = 4096  # bytes in which binary files show that they are
 _QUOTED = r"""[ \t]*["']([^"'\n]+)["']"""
 _SELF = lambda word: [word]  # noqa: E731
 _DATA = [(_pattern(r"([^\s<>\"']+\.h5)(?=:)"), _SELF)]

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from inspect import getdoc
 
 from orchestrator.errors import LISTED
+from orchestrator.linalg import PLACED
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.report.document import plain, section, table
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import filled
-from orchestrator.results.summary.sentences import largest, ROUNDED, shown_statuses, vector
+from orchestrator.results.summary.sentences import largest, shown_statuses, vector
 from orchestrator.results.summary.summary import jsonable, View
 
 Entry = Mapping[str, object]
@@ -85,7 +86,7 @@ class Table:
 
 def _cell(cell: object, most: float) -> str:
     if isinstance(cell, float):
-        return f"{cell if abs(cell) > ROUNDED * most else 0.0:.5g}"
+        return f"{cell if abs(cell) > PLACED * most else 0.0:.5g}"
     return vector(cell, most) if isinstance(cell, list) and cell else "–" if cell in (None, []) \
         else str(cell)
 
@@ -121,7 +122,7 @@ def _answers(s: View, extremes: Sequence[Sequence[str]]) -> Iterator[Table]:
         f"Moments about {vector(about)}. Of loads, what they add up to." if about else "")
     for probe in s.probes:
         values = {name: column for name, column in probe["values"].items() if column is not None}
-        least = ROUNDED * largest(list(values.values()))
+        least = PLACED * largest(list(values.values()))
         shown = {name: [x if abs(x) > least else 0.0 for x in column]
                  for name, column in values.items()}
         yield Table(f"Probe {probe['name']}: {probe['quantity']} of {probe['of']}",

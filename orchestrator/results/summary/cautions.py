@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from orchestrator.errors import some
+from orchestrator.errors import LITTLE, some
 from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved, Passed, passing
 from orchestrator.method.delivery.tools import PlacedTool
@@ -25,8 +25,6 @@ from orchestrator.scene.model import Scene
 TOLD = 0.1
 # of an element, slips beyond which are told; beyond the whole of it pairs no longer face each other
 FIFTH = 0.2
-# share of forces that point elsewhere, from which tools are told
-TURNED = 0.01
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
@@ -142,7 +140,7 @@ def tool_cautions(placed: Sequence[PlacedTool]) -> Iterator[str]:
     """
     for one in placed:
         told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > TOLD) + \
-            [f"forces point {one.turned:.1%} of their size elsewhere"] * (one.turned > TURNED)
+            [f"forces point {one.turned:.1%} of their size elsewhere"] * (one.turned > LITTLE)
         if told:
             yield (
                 f"{one.tool.name} has moved along its curved surface: {' and '.join(told)}; "

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import LISTED, some
+from orchestrator.errors import LISTED, LITTLE, some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.faces import Face
@@ -30,7 +30,6 @@ from orchestrator.processes import memory_peak_mb
 from orchestrator.results.summary.advice import advice, Stopped
 from orchestrator.results.summary.cautions import cautions, of_unheld, tool_cautions
 from orchestrator.results.summary.summary import place_text
-from orchestrator.results.summary.verdict import PRESSED
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.linalg import PLACED
 from orchestrator.scene.model import Scene
@@ -195,7 +194,7 @@ def contact_faces(scene: Scene, faces: Sequence[Face], names: Sequence[str],
     found = []
     for face in faces:
         normal, slips = face.carries["normal"], None
-        pressed = np.logical_or.accumulate(normal > PRESSED * normal.max())
+        pressed = np.logical_or.accumulate(normal > LITTLE * normal.max())
         if (slipping := face.carries["slipping"] & pressed).any():
             used = np.where(pressed, face.carries["used"], np.nan)
             slips = slip_load(scene, int(slipping.argmax()), used, face.flat * face.axis, names,

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
+from orchestrator.linalg import PLACED
 from orchestrator.parallel.team import watched
 from orchestrator.results.summary import sentences
 from orchestrator.results.summary.sentences import vector
@@ -155,7 +156,7 @@ def _shown(s: View) -> dict[str, object]:
         "auto": s.tolerance if asked.get("error") == "auto" else None,
         "tools": [tool if any(tool["rotation"][-1]) else tool | {"rotation": None}
                   for tool in s.tools],
-        "bolts": [bolt | {key: [0.0 if x is None or abs(x) <= sentences.ROUNDED * abs(force) else x
+        "bolts": [bolt | {key: [0.0 if x is None or abs(x) <= PLACED * abs(force) else x
                                 for x, force in zip(bolt[key], bolt["force"])]  # of rounding
                           for key in ("shear", "bending") if bolt.get(key)} for bolt in s.bolts],
         "mesh": last and last | {"checked": "measured against the mesh before" if last["told"]

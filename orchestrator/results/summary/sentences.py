@@ -12,7 +12,7 @@ from math import hypot
 import numpy as np
 
 from orchestrator.errors import some
-from orchestrator.linalg import WRITTEN
+from orchestrator.linalg import PLACED, WRITTEN
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.summary import View
 
@@ -20,14 +20,13 @@ OWN = 10.0  # errors asked, told of a body's own beside its own energy from whic
 # tolerances, told of a body's place from which it is named: what is off by ten has been told to be
 # off by four at least
 FAR = 3.0
-ROUNDED = 1e-10  # of the largest of them: shown as zero
 
 
 def vector(values: Sequence[float | None], most: float | None = None) -> str:
     """Return components as text, as zero what rounding leaves of them beside the largest, by
     default theirs.
     """
-    least = ROUNDED * (largest(values) if most is None else most)
+    least = PLACED * (largest(values) if most is None else most)
     return "(" + ", ".join("–" if x is None else f"{x if abs(x) > least else 0.0:.5g}"
                            for x in values) + ")"
 
@@ -60,7 +59,7 @@ def _couples(s: View) -> list[tuple[list[float] | None, bool]]:
     """Of each entry of ``boundary`` the moment at the last load step, where it is more than any
     force within the box has, and whether beside it the force is nothing.
     """
-    found, least = s.reaction_moments, max(ROUNDED, s.tolerance or 0.0)
+    found, least = s.reaction_moments, max(PLACED, s.tolerance or 0.0)
     if not found.get("size") or not all(s.reactions):
         return []
     force, moment = (np.array([steps[-1] for steps in all_], float)
@@ -97,7 +96,7 @@ def probes(s: View) -> list[str]:
         kind = "" if probe["quantity"] in ("point", "resultant", "section") \
             else f"{probe['quantity']} "
         last = {name: values[-1] for name, values in probe["values"].items() if values}
-        least = ROUNDED * largest([*last.values()])
+        least = PLACED * largest([*last.values()])
         told = ", ".join(f"{name} {x if abs(x) > least else 0.0:.5g}" for name, x in last.items())
         unit = s.unit.get(units.get(probe["of"]), "")
         texts.append(f"{probe['name']}: {probe.get('why') or kind + told + unit}")

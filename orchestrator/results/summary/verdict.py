@@ -6,13 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from orchestrator.errors import SHOWN
+from orchestrator.errors import LITTLE, SHOWN
 from orchestrator.results.summary.summary import View
 
 Face = Mapping[str, object]
 
-LOST = 0.01  # share of a pretension whose loss is told
-PRESSED = 0.01  # share of its largest normal force from which on a face is pressed
 # kinds of faces, in the order in which they are told, and what several are called
 KINDS = {"plane": "plane faces", "round": "round faces", "head": "heads"}
 
@@ -58,7 +56,7 @@ def _moves(face: Face, units: Mapping[str, str]) -> str:
 
 
 def _pressed(face: Face) -> list[bool]:
-    return [force > PRESSED * max(face["normal"]) for force in face["normal"]]
+    return [force > LITTLE * max(face["normal"]) for force in face["normal"]]
 
 
 def _parts(face: Face) -> int:
@@ -107,7 +105,7 @@ def _loosened(bolts: Sequence[Mapping[str, object]], unit: str) -> list[str]:
             lost.append((1 - min(after) / given, bolt["name"], given, min(after)))
     share, name, given, left = max(lost)
     return [f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of "
-            f"{_rounded(given)}{unit}"] * (share > LOST)
+            f"{_rounded(given)}{unit}"] * (share > LITTLE)
 
 
 def _slips(face: Face, units: Mapping[str, str]) -> str:

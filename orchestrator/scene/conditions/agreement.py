@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.errors import Problems, some
+from orchestrator.errors import LITTLE, Problems, some
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
@@ -189,8 +189,6 @@ def _contradictions(held: Held, circuits: Circuits, rows: Told, of: np.ndarray, 
 
 
 CURVED = 0.2  # of a jump, what may point into a curved side: normals at nodes are means of facets
-# of what a frame prescribes, what may differ between nodes and the facets between them
-TURNED = 0.01
 
 
 def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems) -> None:
@@ -230,7 +228,8 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
         curved = (flat @ flat[0]).min() < 1 - TOLERANCE
         wrong = np.stack([law.forbids(d, known & ~same, normals[place], place)
                           for law, d in zip(i.laws(len(jump)), jump)])
-        share = np.where(turned, TURNED, 0.0) * size
+        # what a frame prescribes differs between nodes and the facets between them
+        share = np.where(turned, LITTLE, 0.0) * size
         if curved and i.law.given_jump is None:
             share = share + CURVED * np.linalg.norm(jump, axis=2)
         if not (bad := wrong > allowed + share).any():

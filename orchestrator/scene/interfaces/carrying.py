@@ -22,7 +22,7 @@ from itertools import combinations
 
 import numpy as np
 
-from orchestrator.errors import Problems
+from orchestrator.errors import LITTLE, Problems
 from orchestrator.linalg import WRITTEN
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
@@ -35,8 +35,6 @@ from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
 Face = tuple[str, str, int]  # names of slave and master, and which of their smooth faces
 
-# Share of what two bodies have in common that may carry nothing without a word.
-LITTLE = 0.01
 
 
 def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering,

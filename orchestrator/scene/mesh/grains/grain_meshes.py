@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.processes import mallopt
+from orchestrator.processes import libc
 from orchestrator.linalg import PLACED
 from orchestrator.scene.mesh.faces import LOCAL_FACES, renumbered, runs
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
@@ -146,11 +146,11 @@ def _blank_memory() -> Iterator[None]:
     """New memory holds zeros, where the C library can see to it: HXT reads some that it has not
     written, and what happened to be there
     decides on a few tets of one grain in a thousand."""
-    mallopt(PERTURB, 0xFF)  # its complement is what new memory gets
+    libc("mallopt", PERTURB, 0xFF)  # its complement is what new memory gets
     try:
         yield
     finally:
-        mallopt(PERTURB, 0)
+        libc("mallopt", PERTURB, 0)
 
 
 def _meshed(dimension: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
