@@ -16,16 +16,14 @@ one step of Newton's method from there has to do: with λ⁺ and d⁺ of the clo
     stretches by a > 0
 
 Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is
-held as well. What is at odds with the rest, where several interfaces meet in a node, and what pulls
-with more than it costs gives way for its price (``held_jumps``), until v costs hardly less for it;
-any v that breaks nothing serves, the best is the sharpest. Laws that cannot price what they give
-way by (``Law.duality_gap``) are kept to the letter.
+held as well: any v that breaks nothing serves. Laws that cannot price what they give way by
+(``Law.duality_gap``) are kept to the letter.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,14 +32,13 @@ from orchestrator.laws.points import Answer, norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.stopping.continuity import Constraint, Continuity
-from orchestrator.method.stopping.held_jumps import Charges, HeldJumps
+from orchestrator.method.stopping.held_jumps import HeldJumps
 
 RIGID = 1 - 1e-9  # a from which a direction is held
 FELT = 1e-9  # a from which it counts
 ROUNDED = 1e-14  # of displacements, what rounding leaves of jumps; they cost the root of that
 EXACT = 1e-12  # of the jumps, what is broken by rounding alone
-PASSES = 20  # in which what v breaks is held, and what is dear gives way
-GAINS = 0.9  # of what v costs, that a pass has to come below where another is to follow
+PASSES = 20  # in which what v breaks is held
 FREE = 1e4  # over the softest point, how soft pairs that move together are where they do
 
 
@@ -127,40 +124,25 @@ class AdmissibleDisplacement:
         mean = mean - self.linked.moved(
             np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
         held, together = self._held(told, self.mine, lawful), self._together(told, lawful)
-        broken = partial(self._broken, force, before=before, number=number)
-
-        def charge(jump: np.ndarray) -> np.ndarray:
-            return np.maximum(self.pairs.duality_gap(force, jump, before, number) - rounded, 0.0)
-
-        laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal,
-                       scale, EXACT * scale,
-                       FREE * peak(self.linked.matrix.diagonal()))
-        best, least = None, np.inf
         for _ in range(PASSES):
-            v, pulls, yields = self._nearest(mean, known, held, *together)
+            v = self._nearest(mean, known, held, *together)
             jump = self._jumps(v, known)
-            gap, more = charge(jump), broken(jump, laws.rounding)
+            more = self._broken(force, jump, EXACT * scale, before, number)
             odd = (held.soft == 0) & ~held.priced & (
-                np.abs(held.of(jump) - held.goals) > laws.rounding)
-            soft = held.softened(pulls, yields, jump, laws)
-            costs, = team.sum(self.continuity.size(v - mean) + 2 * gap.sum())
-            wrong, changes = team.max(float(odd.any() or len(more.at)),
-                                      float((soft != held.soft).any() or len(more.at)))
-            worth = wrong or costs < GAINS * least
-            if best is None or not wrong and costs < least:
-                best, least = Placed(self.continuity.of_means(v)[0], jump, gap,
-                                     not wrong), np.inf if wrong else costs
-            if not (changes and worth):
+                np.abs(held.of(jump) - held.goals) > EXACT * scale)
+            wrong, unheld = team.max(float(odd.any() or len(more.at)), float(len(more.at)))
+            if not unheld:
                 break
-            held = replace(held, soft=soft).and_then(more)
-        return best
+            held = held.and_then(more)
+        gap = self.pairs.duality_gap(force, jump, before, number)
+        return Placed(self.continuity.of_means(v)[0], jump, np.maximum(gap - rounded, 0.0),
+                      not wrong)
 
     def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: HeldJumps,
                  joint: HeldJumps,
-                 common: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                 common: sp.csr_array) -> np.ndarray:
         """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held
-        jointly but for common jumps (r, groups);
-        forces (r,) that hold, and how far a unit force moves what it holds (r,)."""
+        jointly but for common jumps (r, groups)."""
         both, count, ties = held.and_then(joint), len(self.own), np.arange(self.ties)
         column = np.arange(3) * count + np.searchsorted(self.own, both.at)[:, None]
         ends = np.concatenate([3 * np.arange(len(both.at) + 1), 3 * len(both.at) + 1 + ties])
@@ -175,11 +157,7 @@ class AdmissibleDisplacement:
             rest = FREE * self.linked.matrix.diagonal().max() * (common @ common.T)
             soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest,
                                          sp.csr_array((self.ties,) * 2)])
-        chosen, count = self.linked.some(pick, soft), len(held.at)
-        change, forces = chosen.held(lack[None])
-        return mean - change, forces[0,
-                                     :count], chosen.matrix.diagonal()[chosen.mine][
-                                         :count] - held.soft
+        return mean - self.linked.some(pick, soft).held(lack[None])
 
     def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History,
                 number: int) -> HeldJumps:

@@ -56,7 +56,7 @@ class Continuity:
         mean = self.means(u)
         if self.tied:
             jump = self.space.transfer.jump(self.traces(mean, known))
-            mean = mean - self._joined.held(jump[:, self.points])[0]
+            mean = mean - self._joined.held(jump[:, self.points])
         return self.of_means(mean) - u
 
     def means(self, u: np.ndarray) -> np.ndarray:
@@ -181,13 +181,12 @@ class Constraint:
         result[:, self.mine] = own
         return self.team.sum(result)[0]
 
-    def held(self, lack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def held(self, lack: np.ndarray) -> np.ndarray:
         """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T,
-        r'), this rank's;
-        and the forces (T, r') of its rows that take it."""
+        r'), this rank's."""
         left = self._of_all(lack)
         total = np.zeros_like(left)
         for _ in range(REFINED):
             found = self.solve(left)
             total, left = total + found, left - times(self.matrix, found)
-        return times(self.spread.T, total), total[:, self.mine]
+        return times(self.spread.T, total)
