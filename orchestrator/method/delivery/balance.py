@@ -246,16 +246,8 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                     pair = at_nodes(i.mortar, here[:, np.searchsorted(i.shown, i.mortar.points)])
                 for e, x, acting in zip(i.subdomains, places, pair):
                     add(e, x, acting)
-    apart = [] if d.space.by_nodes else scene.interfaces
-    handed = d.space.transfer.opposed(
-        d.space.transfer.carried(*d.space.extended(f))) if apart else f
-    for i in apart:  # bonded sides that are a little apart hand on a couple
-        if i.law.perfect and i.subdomains[0] in d.space.subdomains:
-            for side, dofs in enumerate(d.space.sides[i.index]):
-                arm = (scene.side_points(i, side) - centre) / extent
-                forces = np.zeros((scene.steps, *arm.shape))
-                forces[:, i.traced(side)] = handed[:, dofs]
-                left[:, body[i.subdomains[0]], 3:] += np.cross(arm, forces).sum(axis=1)
+    for e, couple in _couples(d, f, centre, extent):
+        left[:, body[e], 3:] += couple
     for t, i, carried in () if iterated is None else _slid_on(d, iterated):
         for side, (e, forces) in enumerate(zip(i.subdomains, carried)):
             everywhere = np.zeros((scene.steps, *forces.shape))
@@ -264,6 +256,23 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     left, size = d.space.team.sum(left, size)
     names = [scene.subdomains[e].body for e in np.unique(body, return_index=True)[1]]
     return Balance(names, np.where(np.isnan(left), 0.0, left), size)
+
+
+def _couples(d: Decomposition, f: np.ndarray, centre: np.ndarray,
+             extent: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Couples (T, 3) over an extent, and a subdomain of the body, that bonded sides which are a
+    little apart hand on, from interface forces f (T, D).
+    """
+    if d.space.by_nodes:
+        return
+    handed = d.space.transfer.opposed(d.space.transfer.carried(*d.space.extended(f)))
+    for i in d.scene.interfaces:
+        if i.law.perfect and i.subdomains[0] in d.space.subdomains:
+            for side, dofs in enumerate(d.space.sides[i.index]):
+                arm = (d.scene.side_points(i, side) - centre) / extent
+                forces = np.zeros((len(f), *arm.shape))
+                forces[:, i.traced(side)] = handed[:, dofs]
+                yield i.subdomains[0], np.cross(arm, forces).sum(axis=1)
 
 
 def at_nodes(mortar: Mortar, q: np.ndarray) -> list[np.ndarray]:

@@ -160,17 +160,14 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     own_node, mine = corner[:, 1] < 0, np.flatnonzero(pairs.mine)
     to, taken, halved, ends = place[own_node], mine[own_node], mine[~own_node], corner[~own_node].T
-    apart = np.concatenate(
-        [np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
-    # others are prescribed
-    force, status = np.zeros((steps, offsets[-1], 3)), np.full(
-        (steps, offsets[-1]), BONDED, dtype=np.int32)
+    apart = np.hstack([np.zeros((steps, 0)),
+                       *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))])
+    force = np.zeros((steps, offsets[-1], 3))
+    status = np.full(force.shape[:2], BONDED, dtype=np.int32)  # others are prescribed
     gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more))
                                             for more in ((), (3,), (), (3,), ()))
-    # along the normal and across it
-    shifts = np.zeros((0 if shift is None else 2, steps, offsets[-1]))
-    own = {name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
-           for name in i.law.variables}
+    shifts = np.zeros((0 if shift is None else 2, *gap.shape))  # along the normal and across it
+    own = {name: np.zeros_like(gap) for i in scene.interfaces for name in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing():
         at = geometry_shown(scene, chosen)
@@ -186,9 +183,8 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
             np.add.at(force, (t, end), 0.5 * forces[:, halved])
         (opening, slip[t]), (push, shear) = _parted(jump, acting), _parted(force[t], acting)
         size = np.where(at.area > 0, at.area, np.inf)
-        traction[t], pressure[t], gap[t] = shear / size[:,
-                                                        None], -push / (at.length * size), apart[
-                                                            t] + at.length * opening
+        traction[t], pressure[t] = shear / size[:, None], -push / (at.length * size)
+        gap[t] = apart[t] + at.length * opening
         if len(shifts):
             moved = np.zeros_like(jump)
             moved[:, to] = shift[t].transpose(0, 2, 1)[:, taken]
@@ -199,23 +195,34 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
             if i.mortar is not None:
                 spread = status, gap, slip, pressure, traction, *own.values(), *shifts
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
-    distance = _at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen], shown)
+    kinds = zip(*((int(s), s.name, s.colour) for s in pairs.statuses))
+    return InterfaceFields(
+        **_meeting(scene, chosen, shown, offsets), normal=at.normal, area=at.area, gap=gap,
+        slip=slip, pressure=pressure, friction_traction=traction, status=status,
+        **dict(zip(("kinds", "kind_names", "kind_colours"), map(np.array, kinds))),
+        resultant=resultant, areas=every, own=own, **dict(zip(SHIFTS, shifts)),
+        index=np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
+
+
+def _meeting(scene: Scene, chosen: Sequence[Interface], shown: Sequence[np.ndarray],
+             offsets: np.ndarray) -> dict[str, np.ndarray]:
+    """Return those of ``InterfaceFields`` that are the same at all load steps.
+
+    shown : per interface, nodes that fields are told at; offsets : where these start
+    """
     pairs_of = [_nodes(scene, i) for i in chosen]
     nodes, others = (_at_shown([x[k] for x in pairs_of], shown).astype(int, copy=False)
                      for k in (0, 1))
-    return InterfaceFields(
-        np.array([i.name for i in chosen], dtype=str),
-        np.array([i.law.name for i in chosen], dtype=str),
-        ends_of(chosen), offsets, nodes, others,
-        joined([np.searchsorted(c, i.shown_triangles) + a
-                for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
-        np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]),
-        at.normal, at.area, distance.astype(float, copy=False), gap, slip, pressure, traction,
-        status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))),
-        resultant, every, own,
-        *(shifts if len(shifts) else (None, None)), scene.mesh.nodes[np.stack([nodes, others])],
-        np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
+    distance = _at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen], shown)
+    triangles = [i.shown_triangles for i in chosen]
+    return {"names": np.array([i.name for i in chosen], dtype=str),
+            "laws": np.array([i.law.name for i in chosen], dtype=str),
+            "subdomains": ends_of(chosen), "offsets": offsets, "nodes": nodes, "others": others,
+            "triangles": joined([np.searchsorted(c, x) + a
+                                 for x, c, a in zip(triangles, shown, offsets)], (0, 3)),
+            "owner": np.repeat(np.arange(len(chosen)), [len(x) for x in triangles]),
+            "initial_gap": distance.astype(float, copy=False),
+            "points": scene.mesh.nodes[np.stack([nodes, others])]}
 
 
 def _at_shown(values: Iterable[np.ndarray], shown: Iterable[np.ndarray]) -> np.ndarray:

@@ -100,9 +100,7 @@ def _held(pairs: Pairs, iterated: Iterated, steps: slice, before: History) -> It
     """Load step by load step."""
     local = iterated.local.steps(steps)
     predicted = pairs.traces(*(x[steps] for x in iterated.fields.extended)).predicted()
-    for t, (F,
-            number) in enumerate(zip(predicted, pairs.numbers[steps]
-                                     if len(pairs.numbers) > len(predicted) else pairs.numbers)):
+    for t, (F, number) in enumerate(zip(predicted, pairs.numbers)):
         yield _Held(pairs, F, before, number)
         before = History(local.jump[t], {name: x[t] for name, x in local.own.items()})
 

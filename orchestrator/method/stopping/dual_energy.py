@@ -120,41 +120,38 @@ class Descent:
         self.x, self.r = self.x + far * self.p, self.r - far * s_p
         return alpha
 
+    def told(self, energy: np.ndarray, sweeps: int, of: np.ndarray, above: bool = False) -> Dual:
+        """Return what has been found of forces ``of`` (T, B); energies (T,) of them."""
+        return Dual(energy, sweeps, self.x, self.r, of, self.p, self.q, self.size, above)
+
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False,
                 softness: np.ndarray | Callable[[], np.ndarray] | None = None,
                 begun: Dual | None = None, aside: KnownAnswers | None = None) -> Dual:
-    """hᵀS⁺h over all subdomains; infinite if it is not reached.
+    """hᵀS⁺h of all subdomains; infinite if it is not reached.
 
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
-    rest : (T,) what b² is added to: a² and the cross term
-    enough : when that sum is known well enough
-    beyond : of the sums reached so far, (T,), whether they are more than can be of use: that is
-        returned then, and the true one is larger
+    rest : (T,) what b² is added to, a² and the cross term; enough : when the sum is known so
+    beyond : of sums (T,) reached so far, whether they are more than can be of use, and returned
     softness : (S,) σ of the own subdomains, see ``softest``: what is left is known from above then,
         and added, see ``_reach``. Of slender bodies that takes long: after ``LONGER`` times as many
         steps the tail has to do. A function is asked once steps end within ``met``
-    begun : what an earlier call has found, from which it goes on if that was of the same h
-    aside : fields whose forces are known, in which h is answered beforehand
+    begun : what an earlier call has found, to go on from if that was of the same h; aside : fields
+        whose forces are known, in which h is answered beforehand
     """
     space, of = stage.space, ColumnSegments(stage.space.boundary)
+    none = Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h, above=True)
     if not space.team.max(h.any())[0]:
-        return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h, above=True)
+        return none
     if begun is None or space.team.max(not np.array_equal(begun.of, h))[0]:
-        known = aside.answered(h) if aside else (np.zeros_like(h), h.copy())
-        begun = Dual(np.zeros(len(h)), 0, *known, h)
+        begun = Dual(none.energy, 0, *(aside.answered(h) if aside else (none.x, h.copy())), h)
     descent, rz_old = Descent(stage, begun, aside), begun.size
     total, = space.team.sum(dots(begun.x, h + begun.left))
-    going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
-    steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(
-        enough.tail, enough.share)
+    kept, going = np.zeros(shape := (len(h), len(of.slices))), np.ones(shape, dtype=bool)
+    steps, taken, ready, reach, alpha = [], [], 0, None, None
+    closely = min(enough.tail, enough.share)
     softness, ask = (None, softness) if callable(softness) else (softness, None)
-
-    def told(energy: np.ndarray, above: bool = False) -> Dual:
-        d = descent
-        return Dual(energy, sweeps, d.x, d.r, h, d.p, d.q, d.size, above)
-
     for sweeps in range(1, MAX_STEPS + 1):
         rz = descent.asked(going)
         if softness is not None:
@@ -165,30 +162,29 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most),
                                        enough.negligible):
-                return told(most, True)
+                return descent.told(most, sweeps, h, True)
         alpha, rz_old = descent.moved(), rz
         gained, = space.team.sum((alpha * rz).sum(axis=1))
         total = total + gained
         steps.append(float(gained.sum()))
         if beyond(total + rest):
-            return told(total)
+            return descent.told(total, sweeps, h)
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total),
                                         enough.negligible)
         taken.append((alpha, rz))
         kept = np.where(going, SLOW * alpha * rz if softness is None else kept - alpha * rz, kept)
         going &= kept > IDLE * closely * worth / (len(h) * space.link.subdomain_count)
-        if ask and softness is None and max(steps[-1],
-                                            tail) <= LEFT * worth and (
-                                                total + rest).max() + tail <= enough.met:
+        if ask and softness is None and max(steps[-1], tail) <= LEFT * worth \
+                and (total + rest).max() + tail <= enough.met:
             softness, going[:] = ask(), True
             reach = _reach_of(softness, taken)
         ready = ready or (sweeps if max(steps[-1], tail) <= closely * worth else 0)
         if ready and (softness is None or sweeps >= LONGER * ready):
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
-            return told(total + tail + enough.tail * np.maximum(total + rest, 0.0),
-                        softness is not None)
-    return told(np.full(len(h), np.inf))
+            energy = total + tail + enough.tail * np.maximum(total + rest, 0.0)
+            return descent.told(energy, sweeps, h, softness is not None)
+    return descent.told(np.full(len(h), np.inf), sweeps, h)
 
 
 def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray,
