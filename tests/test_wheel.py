@@ -91,7 +91,8 @@ def test_nothing_is_left_when_it_goes(installed, folder, monkeypatch):
     done = call(installed / "orchestrator", "doctor", cwd=folder)
     assert done.returncode == 0 and f"kept in {folder / 'cache' / 'latin-orchestrator'}" in done.stdout, done.stdout + done.stderr
     decorated = sum(path.read_text().count("\n@compiled\n") for path in (ROOT / "orchestrator").rglob("*.py"))
-    assert len(list((folder / "cache").rglob("*.nbc"))) == decorated > 5
+    starting = 1  # compiled._nothing, which a run has while it meshes
+    assert len(list((folder / "cache").rglob("*.nbc"))) == decorated - starting > 5
     pip("--python", installed / "python", "uninstall", "--yes", "latin-orchestrator", cwd=folder)
     assert {path.name for path in packages.iterdir()} == before - {"orchestrator", *(name for name in before if "latin" in name)}
     assert not (installed / "orchestrator").exists()
