@@ -4,9 +4,7 @@
     db = D y,  D = B (N W / copies − C N F)
     what forces answer:  X D y,  X = J⁻¹ A keq,  J = 1 − (1 − δ) A (1 − keq S)
 
-A group's bodies all feel each other: Tᵀ X D has blocks beside those of interfaces. In the matrix
-pairs of other groups than those of contact at a few points answer alone: steps are somewhat more,
-iterations as many.
+A group's bodies all feel each other: Tᵀ X D has blocks beside those of interfaces.
 """
 
 from __future__ import annotations
@@ -16,12 +14,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as sla
 
 from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.responses import Responses
-from orchestrator.method.interface.node_groups import NodeGroups, stiffness
-from orchestrator.method.interface.rows import bounds_of, times
+from orchestrator.method.interface.node_groups import NodeGroups, pointwise, stiffness
+from orchestrator.method.interface.rows import bounds_of, rows_of, times
 
 SHIFT = 1e-6  # δ: with friction J may be singular
 
@@ -139,10 +138,21 @@ class GroupFields:
                 (bounds_of(np.diff(first)[which]), local[at], spots, begins[which]),
                 (self.T[at], self.D[at]))
 
-    def add(self, slope: np.ndarray, result: np.ndarray) -> None:
-        """Add Tᵀ X D of groups that compiled loops answer to blocks (I, 2, 2, n, n) of ``pairs``;
-        slope : (3, 3, R) A.
+    @cached_property
+    def _others(self) -> tuple[np.ndarray, sp.csr_array, np.ndarray]:
+        """Points (Q,) int of the other groups, 1 − keq S of these, and D (Q, 3, b, n) for each body
+        of their group.
         """
+        at, (first, local, _,
+             _) = np.flatnonzero(~self.groups.contact.quick[self.groups.group]), self._blocks
+        dofs, each = rows_of(at, len(self.ends)), np.diff(first)[self.groups.group[at]]
+        D = np.zeros((len(at), 3, each.max(initial=0), self.T.shape[3]))
+        for side in range(2):
+            D[np.arange(len(at)), :, local[at, side]] += self.D[at, :, side]
+        return at, self.groups.felt[dofs][:, dofs], D
+
+    def add(self, slope: np.ndarray, result: np.ndarray) -> None:
+        """Add Tᵀ X D to blocks (I, 2, 2, n, n) of ``pairs``; slope : (3, 3, R) A."""
         from orchestrator.method.interface.node_loops import added
 
         blocks, at = result.reshape(-1, *result.shape[3:]), self.groups.contact.order
@@ -151,6 +161,23 @@ class GroupFields:
             in_parts(added, len(groups[1]), groups, bodies, fields,
                      (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), SHIFT, blocks,
                      part=len(groups[1]))
+        if len(at) < len(self.ends):
+            self._add_others(slope, blocks)
+
+    def _add_others(self, slope: np.ndarray, blocks: np.ndarray) -> None:
+        """The same of groups that no loop answers; blocks (·, n, n)."""
+        (at, felt, D), (first, local, spots, begins) = self._others, self._blocks
+        slope, number = slope[:, :, at], self.groups.group[at]
+        J = sp.eye_array(3 * len(at)) - pointwise((1 - SHIFT) * slope) @ felt
+        right = np.einsum("cdp,dep,pebf->cpbf", slope, self._stiff[:, :, at], D, optimize=True)
+        XD = sla.splu(sp.csc_array(J)).solve(right.reshape(3 * len(at), -1)).reshape(right.shape)
+        product = np.einsum("pcsf,cpbh->psbfh", self.T[at], XD, optimize=True)
+        count = np.diff(first)[number]
+        for side in range(2):
+            for body in range(D.shape[2]):
+                there = np.flatnonzero(body < count)
+                spot = begins[number[there]] + local[at[there], side] * count[there] + body
+                np.add.at(blocks, spots[spot], product[there, side, body])
 
 
 def _bodies_of(group: np.ndarray, ends: np.ndarray, count: int) -> tuple[np.ndarray, ...]:

@@ -48,7 +48,7 @@ class Bodies:
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     counted : int, interfaces that this rank adds up; theirs : (P,) 1 at their pairs, else 0
-    alone : (P,) the same, and 0 at pairs whose groups are in the matrix
+    alone : (P,) the same, and 0 at pairs that answer together
     pattern : of the matrices
     grouped : fields at pairs that answer together; None where there are none here
     """
@@ -80,8 +80,8 @@ class Bodies:
         fields, ends, alone, grouped = self.fields, self.fields.ends[self.counted], self.alone, None
         if groups is not None:
             grouped = GroupFields.of(groups, fields, ends, self.theirs, response)
-            ends, alone, chosen = grouped.pairs, alone.copy(), groups.chosen
-            alone[chosen[groups.contact.quick[groups.group[: len(chosen)]]]] = 0.0
+            ends, alone = grouped.pairs, alone.copy()
+            alone[groups.chosen] = 0.0
         return replace(self, grouped=grouped, alone=alone, pattern=BlockPattern(
             ends, fields.count, fields.size, self.team))
 
