@@ -11,6 +11,8 @@ from orchestrator.method.sparse.blocks import BlockPattern
 from orchestrator.method.sparse.fronts import Elimination
 from orchestrator.compiled import compiled, kept_in, made_of
 
+WIDE = 16  # rows of a block, of which rigid motions are eliminated alone
+
 
 @pytest.mark.parametrize("SIZE, fronts", [(32, 41), (12, 14), (1, 4)], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(SIZE, fronts):
@@ -37,6 +39,31 @@ def test_it_is_what_dense_elimination_gives(SIZE, fronts):
     again = elimination_of.factors(values, 0.25)
     assert np.array_equal(again.solve(right), factors.solve(right))
     assert np.array_equal(pattern.factors(values, 0.25).solve(right), factors.solve(right))
+
+
+def stretched(rng, pattern):
+    """Values in whose last rows bodies resist ten times as much, and a body, the last, that a millionth holds in the first."""
+    stretches = [40.0] * (WIDE - 1)
+    values = rng.normal(scale=0.5 * np.sqrt(SIZE / WIDE), size=(len(pattern.indices), WIDE, WIDE))
+    values[pattern.diagonal] += np.diag([8.0, *stretches])
+    values[pattern.diagonal[-1]] = np.diag([1e-6, *stretches])
+    return values
+
+
+def test_rigid_motions_are_eliminated_and_stretches_follow():
+    """Nothing is left in rigid motions, a loose body's included, and a share elsewhere, as small as it is asked for."""
+    ends, bodies = lattice(6)
+    pattern, rng = BlockPattern(ends, bodies, WIDE, rigid=1), np.random.default_rng(6)
+    values, right = stretched(rng, pattern), rng.normal(size=(bodies, WIDE))
+    right[-1] = 1e-6
+    matrix, factors = pattern.matrix(values), pattern.factors(values, 0.0)
+    for share in (0.1, 1e-3):
+        found = factors.factors.solve(right, share)
+        left = (right.ravel() - matrix @ found.ravel()).reshape(right.shape)
+        assert pattern.elimination.size == 1 and 1e-9 < np.linalg.norm(left) / np.linalg.norm(right) <= share
+        assert np.abs(left[:, 0]).max() < 1e-12 and found[-1, 0] == pytest.approx(1.0, rel=1e-9)
+    exact = BlockPattern(ends, bodies, WIDE).factors(values, 0.0).solve(right)
+    assert np.linalg.norm(found - exact) < 1e-2 * np.linalg.norm(exact)
 
 
 def test_a_pivot_that_vanishes_is_told():

@@ -219,8 +219,8 @@ def test_springs_that_stay_in_one_load_step_begin_anew_in_the_next():
         "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow"},
                        {"between": ["block", {"plane": {"at": [1, 0.5, 1.5], "normal": "x"}, "displacement": [[0.1, 0, 0], [0.2, 0, 0]]}],
                         "law": "contact"}]}))
-    assert d.local.anew
+    assert d.coarse.anew
     stay = anchored(weakened(d, 0.1))
     after = paired_as(d, stay)
-    assert not stay.local.anew and after.local.anew
+    assert not stay.coarse.anew and after.coarse.anew
     assert stay.local.pairs.springs == 0.1 and after.local.pairs.springs == 1

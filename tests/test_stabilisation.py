@@ -9,7 +9,7 @@ from quick import quick
 from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
-from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import ANEW, cautions, SHARE, stabilisation
 from orchestrator.results.summary.lines import summary_rows
@@ -59,15 +59,6 @@ def test_a_number_that_is_felt_is_warned_about():
     assert "4e-07" in felt and "40%" in felt and "2e-03" in too_much and "out of reach" in too_much
 
 
-def differences(step, y, change):
-    """Half of what ρ changes by from y − change to y + change."""
-    rho = []
-    for sign in (1, -1):
-        step.move(y + sign * change)
-        rho.append(step.rho)
-    return (rho[0] - rho[1]) / 2
-
-
 # --- the blend --------------------------------------------------------------------------------------------
 
 
@@ -102,22 +93,36 @@ def test_the_local_stage_blends_the_laws_with_the_step_before_or_where_points_ar
 def test_the_coarse_problem_blends_them_alike(decomposed):
     """ρ written out at every pair, and the matrix against differences of ρ."""
     coarse, rng = decomposed.coarse, np.random.default_rng(4)
-    bodies, pairs = coarse.bodies, coarse.pairs
-    at = bodies.fields
+    problem, pairs = coarse.problem, coarse.pairs
+    at = problem.fields
     F0 = 100 * rng.normal(size=(3, len(pairs)))
     previous, resultant = 1e-4 * rng.normal(size=F0.shape), rng.normal(size=(2, 12))
     y = 1e-2 * rng.normal(size=(2, 12))
-    step = LoadStep(bodies, 0, F0, resultant, History(previous), previous, pairs.stabilisation)
-    T, F = at.T(np.arange(len(pairs))), at.predicted(F0, y)
+    step = LoadStep(problem.bodies, 0, F0, resultant, History(previous))
+    T, F = at.T, at.predicted(F0, y)
     force = 0.95 * pairs.force(F, History(previous), 0).force + 0.05 * (F - pairs.points.stiffness(previous))
     carried = np.einsum("pif,ip->f", T, force).reshape(2, 12)
-    rho = resultant + np.einsum("bij,bj->bi", bodies.K0, y) - carried
-    step.move(y)
-    assert step.rho == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
-    matrix = bodies.pattern.matrix(step.matrix()).toarray()
+    rho = resultant + np.einsum("bij,bj->bi", problem.bodies.K0, y) - carried
+    assert step.residual(y) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
+    matrix = problem.bodies.pattern.matrix(step.matrix()).toarray()
     change = 1e-7 * rng.normal(size=(2, 12))
-    found = differences(step, y, change)
+    found = (step.residual(y + change) - step.residual(y - change)) / 2
     assert (matrix @ change.ravel()) == pytest.approx(found.ravel(), abs=1e-5 * np.abs(found).max())
+
+
+def test_the_work_along_a_line_is_that_of_the_imbalance(decomposed):
+    coarse, rng = decomposed.coarse, np.random.default_rng(5)
+    F0 = 100 * rng.normal(size=(3, len(coarse.pairs)))
+    y, dy, resultant = 1e-4 * rng.normal(size=(2, 12)), 0.1 * rng.normal(size=(2, 12)), rng.normal(size=(2, 12))
+    before = 1e-4 * rng.normal(size=F0.shape)
+    step = LoadStep(coarse.problem.bodies, 0, F0, resultant, History(before))
+    step.residual(y)
+    work = Line(step, dy)
+    for theta in (0.0, 0.3, 1.0):
+        rho = step.residual(y + theta * dy)
+        assert work(theta) == pytest.approx(np.vdot(dy, rho), rel=1e-6)
+        step.residual(y)
+        assert Line(step, dy).end(theta) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
 
 
 # --- what comes of it -------------------------------------------------------------------------------------

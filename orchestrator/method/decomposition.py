@@ -174,7 +174,7 @@ class Decomposition:
 
     def meeting(self, pairs: Pairs, coarse: CoarseCorrection | None) -> Decomposition:
         """Return it with other pairs that laws answer for, and the coarse problem of these."""
-        local = LawStage(self.stage.direction, pairs, self.local.before, self.local.anew)
+        local = LawStage(self.stage.direction, pairs, self.local.before)
         if coarse is not None:
             coarse.start_from(local)
         return replace(self, local=local, coarse=coarse)

@@ -137,7 +137,7 @@ class _Run:
         steps, coarse = self.plan.now.steps, latin.problem.coarse
         latin.number, latin.sweeps = self.done
         if self.ended and first and coarse is not None:
-            coarse.solves.restore(self.start.ended[-1].state_of("coarse"))
+            coarse.problem.restore(self.start.ended[-1].state_of("coarse"))
         if latin.problem.nonlinear is not None:
             self.state[steps] = foreseen(latin.problem, self.method, self.state[steps],
                                          self.numbers[steps], self.watch)

@@ -121,11 +121,11 @@ def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
     values = {"iteration": now.number, "sweeps": now.problem.made.sweeps + sweeps,
               "seconds": seconds, **measures.values, **verdict.told}
     if coarse is not None:
-        values |= {"newton_steps": coarse.solves.newton_steps,
-                   "coarse_left": max(coarse.solves.left.values(), default=0.0)}
+        values |= {"newton_steps": coarse.problem.newton_steps,
+                   "coarse_left": max(coarse.problem.left.values(), default=0.0)}
     return Iteration(values, verdict.target, now.best.s, measures.counts,
                      {} if verdict.laws is None else verdict.laws.measures,
-                     {} if coarse is None else dict(coarse.solves.ends))
+                     {} if coarse is None else dict(coarse.problem.ends))
 
 
 def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: tuple[bool, str],

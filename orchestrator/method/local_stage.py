@@ -195,13 +195,10 @@ class LawStage:
     direction : search direction k⁻
     pairs : node pairs that a law answers for: those of all interfaces that are not perfect
     before : what the load step before the first one has left; None: nothing was before
-    anew : whether springs of stabilisation begin anew in every iteration, see ``stabilisation``
     """
 
-    def __init__(self, direction: SearchDirection, pairs: Pairs, before: History | None = None,
-                 anew: bool = False):
+    def __init__(self, direction: SearchDirection, pairs: Pairs, before: History | None = None):
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
-        self.anew = anew
         self.before = History.none(len(pairs)) if before is None else before
         # once for all batches of load steps
         self._groups = cache(partial(NodeGroups.of, direction.space, pairs))
@@ -224,9 +221,7 @@ class LawStage:
         """Local stage for the fields of all steps."""
         pairs, steps = self.pairs, len(fields.s)
         w, f = fields.extended
-        at, anchors = pairs.traces(w, f), None
-        if fields.anchor is not None:
-            anchors = pairs.transfer.jump(fields.anchor) + pairs.slid
+        at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
         nodes, met = self.meeting(w, f, anchors)
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty(
@@ -286,13 +281,15 @@ class LawStage:
         """The same fields with forces shared as the pairs have them; writes ŵ at the groups'
         traces. Ghosts travel anew.
         """
-        s, f = fields.s.copy(), fields.f.copy()
+        s, f, anchor = fields.s.copy(), fields.f.copy(), fields.anchor
         if nodes is not None:
             at, forces, moves = nodes.shared(self.direction.diagonal, f_hat)
             w_hat[:, at] = fields.w[:, at] + moves
             s[:, at] += forces - f[:, at]
             f[:, at] = forces
-        return Admissible(s, fields.u, fields.alpha, fields.w, f, fields.space, fields.anchor)
+        fields = Admissible(s, fields.u, fields.alpha, fields.w, f, fields.space)
+        fields.anchor = anchor
+        return fields
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps; and of its

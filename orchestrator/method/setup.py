@@ -214,8 +214,7 @@ class _SetUp:
         """The pairs, and their local stage."""
         pairs = make_pairs(self.scene, self.space, direction.whole,
                            stabilisation(self.scene, self.method, scale))
-        return pairs, LawStage(direction, pairs.lawful,
-                               anew=begin_anew(self.scene, self.method))
+        return pairs, LawStage(direction, pairs.lawful)
 
     def _freedom(self, modes: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
         """Rigid motions and external forces (T, B) on the boundary dofs."""
@@ -258,7 +257,8 @@ class _SetUp:
         if asked == "none" or self.space.transfer.perfect.all():
             return None, 0.0
         modes, spent = soft_bodies(self.scene, stage.blackbox) if asked == "auto" else ({}, 0.0)
-        coarse = CoarseCorrection(self.scene, stage, pairs, asked, modes)
+        coarse = CoarseCorrection(self.scene, stage, pairs, asked, modes,
+                                  begin_anew(self.scene, self.method))
         return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:

@@ -13,29 +13,28 @@ and y makes the forces agree with the laws on these fields, load step after load
     ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
-A few steps with all pairs answering together where they share nodes do in nearly all iterations,
-with springs ε in the matrix alone, of which nothing is left at the end. Where they do not bring ρ
-to a tenth, and in the first iteration, bodies are on their way to places that no such steps find.
-There pairs answer alone, and springs of stabilisation give every body a place, however far. U is
-made orthonormal in k. It costs no back-substitution per iteration.
+A few linearised steps (``linear_step``) do in nearly all iterations. The nonlinear problem is
+solved (``problem``) in the first one, and where steps do not bring ρ to a tenth. U is made
+orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.method.coarse.load_step import Bodies, LoadStep
+from orchestrator.method.coarse.linear_step import LinearSteps, NodeStep
 from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.coarse.responses import Responses, per_body
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
+from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
 AFFINE = 12  # fields of a body: 1, x, y and z in each component
@@ -49,39 +48,10 @@ for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _STRAINS[3 * (1 + _turn) + _turn, _turn] = 1.0
 _RIGID = np.hstack([np.eye(AFFINE, 3), _TURNS])
 FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID, _STRAINS]))}
-SPRINGS = 1e-3  # ε of steps together; ten times more or less makes two iterations of a hundred
-# ‖ρ‖ left over that at the start, which need not be less than the iteration needs that it serves,
-# and steps at most: together, and alone, where it pays to find a place
-TOGETHER, ALONE = (0.1, 4), (1e-5, 60)
-
-
-@dataclass
-class Solves:
-    """Solves of load steps so far.
-
-    newton_steps : Newton steps of all bodies
-    ends : how solves have ended → how many: "tolerance", or why not there: "steps" (as many as are
-        allowed), "no direction" (whatever the shift)
-    left : per load step, ‖ρ‖ that its last solve left, over that at its start
-    """
-
-    newton_steps: int = 0
-    ends: dict[str, int] = field(default_factory=dict)
-    left: dict[int, float] = field(default_factory=dict)
-
-    def add(self, step: LoadStep, place: int, end: str) -> None:
-        """Add one, of the load step at a place."""
-        self.newton_steps += step.steps
-        self.ends[end] = self.ends.get(end, 0) + 1
-        self.left[place] = step.size / step.start if step.start > 0 else 0.0
-
-    def state(self) -> dict[str, object]:
-        """Return what a resumed run has to know."""
-        return {"newton_steps": self.newton_steps, "ends": dict(self.ends)}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Take ``state`` back."""
-        self.newton_steps, self.ends = state["newton_steps"], dict(state["ends"])
+# Longest move of a loose body in one Newton step, over the largest displacement at the start, where
+# no springs stabilise contacts. How far
+# others go their supports say.
+REACH = 0.3
 
 
 class CoarseCorrection:
@@ -91,24 +61,33 @@ class CoarseCorrection:
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, as "auto" is, or "rigid", 6
+    anew : whether springs of stabilisation begin anew in every iteration, see ``stabilisation``
     modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs,
         the fields of a body that has softer ones; see ``soft_bodies``
-    solves : of all load steps so far
+    problem : the contact problem of one load step
     """
 
     def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str,
-                 modes: Mapping[int, np.ndarray] | None = None):
-        self.stage, self.solves, space = stage, Solves(), stage.space
-        self.count, self.parts = len(scene.subdomains), space.parts
+                 modes: Mapping[int, np.ndarray] | None = None,
+                 anew: bool = False):
+        self.stage, self.pairs, self.anew = stage, pairs, anew
+        space = stage.space
+        self.bodies, self.parts = len(scene.subdomains), space.parts
         response = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))
+        # the first: rigid motions, or softest modes
+        self.half = len(response.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0
         self.response, self.everywhere = response, space.extended(response.W, response.F)
         # ghosts come last: own parts need no room of their own
         response.W, response.F = (x[:, : space.size] for x in self.everywhere)
         K0, each = per_body(space, response.U, response.F), np.arange(len(response.U))
         dropped = np.array([~response.U[:, part].any(axis=1) for part in self.parts])
         K0[:, each, each] += dropped  # fields a body lacks stay at rest
-        self.K0 = space.of_all(K0)
-        self._paired(pairs)
+        self.K0 = self._of_all(K0)
+        self.problem = self._problem(pairs)
+        self.prescribed, = space.team.max(
+            max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
+        self.radius: float | None = None
+        self.loose, self.begun, self._steps = loose_bodies(scene), False, None
 
     @property
     def sweeps(self) -> int:
@@ -118,17 +97,18 @@ class CoarseCorrection:
     def paired(self, pairs: Pairs) -> CoarseCorrection:
         """The same for sides that have been paired anew: what the bodies answer stays."""
         result = copy(self)
-        result._paired(pairs)
+        result.pairs, result.problem = pairs, self._problem(pairs)
+        result.problem.restore(self.problem.state())
         return result
 
-    def _paired(self, pairs: Pairs) -> None:
+    def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)
         T = _at_points([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-        L = _at_points(map(pairs.masked, pairs.responses(*self.everywhere)), np.float32)
-        self.pairs, space = pairs, self.stage.space
-        self.bodies = Bodies.of(space.team, np.asarray(space.subdomains, int),
-                                PairFields.of(pairs, T, L, self.count), self.K0)
-        self._known = None
+        fields = PairFields.of(pairs, T,
+                               _at_points(map(pairs.masked, pairs.responses(*self.everywhere)),
+                                          np.float32), self.bodies)
+        return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
+                             [self.response.W[:, part].T for part in self.parts], self.half)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
@@ -142,57 +122,80 @@ class CoarseCorrection:
 
         fields : result of a linear stage
         """
-        (y, together), r, space = self._solved(fields), self.response, self.stage.space
+        if not self.radius and self.pairs.stabilisation is None:
+            moved = max(self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0],
+                        self.prescribed)
+            if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
+                moved = self.stage.space.team.max(
+                    np.abs(self.predict(fields).jump).max(initial=0.0))[0]
+            self.radius = REACH * moved
+        (y, from_y), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner)
                 for x, response in zip(fields.extended, self.everywhere))
-        # what bodies on their way load tells of those that have no place
-        anchor = w if together else fields.extended[0]
-        return Admissible.of_extended(s, u, fields.alpha, w, f, space,
-                                      anchor if self.local.anew else None)
+        anchor = self._moved(fields.extended[0], from_y, self.everywhere[0],
+                             space.owner) if self.anew else None
+        return Admissible.of_extended(s, u, fields.alpha, w, f, space, anchor)
+
+    def weakened(self, share: float) -> CoarseCorrection:
+        """The same with springs of stabilisation of that share of ε."""
+        result = copy(self)
+        result.pairs = self.pairs.weakened(share)
+        result.problem = self.problem.weakened(result.pairs)
+        return result
 
     @property
-    def together(self) -> Bodies:
-        """The bodies with pairs that answer in the local stage's groups; all ranks ask."""
-        groups = self.local.groups
-        if self._known is None or self._known[0] is not groups:
-            self._known = groups, self.bodies.together(groups, self.response)
-        return self._known[1]
+    def steps(self) -> LinearSteps:
+        """The linear steps with the local stage's groups; all ranks ask together."""
+        groups, bodies = self.local.groups, self.problem.bodies
+        if (
+            self._steps is None
+            or self._steps.bodies is not bodies
+            or self._steps.groups is not groups
+        ):
+            self._steps = LinearSteps.of(bodies, groups, self.response)
+        return self._steps
 
-    def _solved(self, fields: Admissible) -> tuple[np.ndarray, bool]:
-        """(T, bodies, n) y, and whether pairs have answered together."""
-        resultant = self.stage.space.of_all(self._resultants(fields.f)).swapaxes(0, 1)
-        at = self.pairs.traces(*fields.extended)
-        y = self._stepped(fields, at, resultant, True) if self.begun else None
+    def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
+        """(T, bodies, n) y, and the y where springs that begin anew carry nothing."""
+        resultant, at = self._of_all(self._resultants(fields.f)).swapaxes(0, 1), self.pairs.traces(
+            *fields.extended)
+        F0 = at.predicted()
+        y = self._linear(fields, at, F0, resultant) if self.begun else None
         self.begun = True
-        return (self._stepped(fields, at, resultant, False), False) if y is None else (y, True)
-
-    def _stepped(self, fields: Admissible, at: PointTraces, resultant: np.ndarray,
-                 together: bool) -> np.ndarray | None:
-        """(T, bodies, n) y with pairs that answer together, or alone; None where the former do not
-        do in some load step.
-        """
-        before, local, y, F0 = self.predict.before, self.local, np.zeros(resultant.shape), \
-            at.predicted()
-        pairs, bodies, nodes, done = self.pairs, self.bodies, None, []
-        springs, (share, most) = pairs.stabilisation, TOGETHER if together else ALONE
-        if together:
-            nodes, _ = local.meeting(*fields.extended, at.jump[:, :, : len(local.pairs)]
-                                     if local.anew else None)
-            bodies, springs = self.together, SPRINGS
+        if y is not None:
+            return y, y
+        y, from_y = np.zeros((2, *resultant.shape))
+        before, radius = self.predict.before, None if self.radius is None else np.where(
+            self.loose, self.radius, np.inf)
         for t, number in enumerate(self.predict.pairs.numbers):
-            step = LoadStep(bodies, number, F0[t], resultant[t], before,
-                            at.jump[t] if local.anew else before.jump,
-                            0.0 if springs is None else springs, nodes and (nodes, t))
-            done.append((step, t, step.solved(max(share * step.start, step.least), most)))
-            if together and done[-1][2] != "tolerance":
+            given = t, number, F0[t], resultant[t], before
+            if self.anew:
+                y[t], F, anchor, from_y[t] = self.problem.rest(*given, at.jump[t])
+            else:
+                (y[t], F), anchor = self.problem.solve(*given, radius), before.jump
+            answer = self.pairs.force(F, before, number)
+            before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
+        return y, from_y
+
+    def _linear(self, fields: Admissible, at: PointTraces, F0: np.ndarray,
+                resultant: np.ndarray) -> np.ndarray | None:
+        """(T, bodies, n) y of linear steps; None where they do not do in some load step."""
+        before, local, y = self.predict.before, self.local, np.zeros(resultant.shape)
+        nodes, _ = local.meeting(*fields.extended,
+                                 at.jump[:, :, : len(local.pairs)] if self.anew else None)
+        for t, number in enumerate(self.predict.pairs.numbers):
+            anchor = at.jump[t] if self.anew else before.jump
+            step = NodeStep(self.steps, t, number, F0[t], resultant[t], before, anchor, nodes)
+            taken = step.taken()
+            if not taken:
                 return None
+            self.problem.newton_steps += taken
+            self.problem.ended(t, "tolerance", np.linalg.norm(step.rho), step.start)
             y[t], before = step.y, step.after
             if nodes is not None:
                 nodes.before = nodes.after
-        for each in done:
-            self.solves.add(*each)
         return y
 
     @staticmethod
@@ -207,12 +210,12 @@ class CoarseCorrection:
 
     def state(self) -> dict[str, object]:
         """Return what a resumed run has to know."""
-        return {"begun": self.begun, **self.solves.state()}
+        return {"radius": self.radius, "begun": self.begun, **self.problem.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
-        self.solves.restore(state)
-        self.begun = state["begun"]
+        self.problem.restore(state)
+        self.radius, self.begun = state["radius"], state["begun"]
 
     def _fields(self, scene: Scene, allowed: np.ndarray,
                 modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -238,6 +241,10 @@ class CoarseCorrection:
     def _resultants(self, f: np.ndarray) -> np.ndarray:
         """(own bodies, T, n) Uᵀf."""
         return np.stack([f[:, part] @ self.response.U[:, part].T for part in self.parts])
+
+    def _of_all(self, own: np.ndarray) -> np.ndarray:
+        """(bodies, …) from what each rank knows of its own bodies."""
+        return of_all(self.stage.space.team, self.bodies, self.stage.space.subdomains, own)
 
 
 def _at_points(sides: Iterable[np.ndarray], kind: type = float) -> np.ndarray:

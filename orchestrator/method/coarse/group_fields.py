@@ -17,7 +17,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.compiled import in_parts
-from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.coarse.load_step import Bodies
 from orchestrator.method.coarse.responses import Responses
 from orchestrator.method.interface.node_groups import NodeGroups, pointwise, stiffness
 from orchestrator.method.interface.rows import bounds_of, rows_of, times
@@ -46,15 +46,9 @@ class GroupFields:
     count: int
 
     @classmethod
-    def of(cls, groups: NodeGroups, fields: PairFields, known: np.ndarray, theirs: np.ndarray,
-           response: Responses) -> GroupFields:
-        """Return the fields; all ranks ask together.
-
-        fields : at all pairs
-        known : (I, 2) int, bodies of the interfaces that this rank adds up; theirs : (P,) 1 at
-            their pairs, else 0
-        """
-        size = groups.sums.shape[1]
+    def of(cls, groups: NodeGroups, bodies: Bodies, response: Responses) -> GroupFields:
+        """Return the fields; all ranks ask together."""
+        fields, size = bodies.fields, groups.sums.shape[1]
         own = times(groups.sums,
                     response.W[:, :size]) / groups.copies - times(
                         groups.C, times(groups.sums, response.F[:, :size]))
@@ -73,19 +67,18 @@ class GroupFields:
         here = np.repeat(fields.ends, np.diff(fields.pairs.bounds), axis=0)[chosen]
         ends[: len(chosen)] = np.sort(here, axis=1)
         ends[ends[:, 1] < 0] = 0  # what other ranks have slid off
-        T[: len(chosen)] = fields.T(chosen).reshape(-1, 3, 2, fields.size)
+        T[: len(chosen)] = fields.some(chosen).T.reshape(-1, 3, 2, fields.size)
         turned = np.flatnonzero(here[:, 0] > here[:, 1])
         T[turned] = T[turned][:, :, ::-1]
-        T[: len(chosen)][theirs[chosen] == 0] = 0.0
+        T[: len(chosen)][~bodies.theirs[chosen]] = 0.0
         first, body, _ = _bodies_of(groups.group, ends, fields.count)
         rows, columns = _each_two(first)
         both = np.sort(np.column_stack([body[rows], body[columns]]), axis=1)
-        numbers = known.min(axis=1, initial=fields.count) * fields.count + known.max(
-            axis=1, initial=-1)
+        here = fields.ends[bodies.counted]
+        known = fields.count * here.min(axis=1, initial=fields.count) + here.max(axis=1, initial=-1)
         extra = np.unique(both[both[:, 0] < both[:, 1]], axis=0)
-        extra = extra[~np.isin(extra @ [fields.count, 1], numbers)]
-        return cls(groups, np.array(Z), owner, ends, T, np.concatenate([known, extra]),
-                   fields.count)
+        extra = extra[~np.isin(extra @ [fields.count, 1], known)]
+        return cls(groups, np.array(Z), owner, ends, T, np.concatenate([here, extra]), fields.count)
 
     def moved(self, y: np.ndarray) -> np.ndarray:
         """Return db (3, R) of fields y (bodies, n)."""

@@ -11,33 +11,55 @@ TOGETHER = 64
 
 
 @compiled
-def spread(start, stop, L, bounds, both, F):
-    """F (3, P) += L y at the pairs of the interfaces from start to stop.
+def spread(start, stop, L, chosen, bounds, both, F):
+    """F (3, Q) += L y at some of the pairs, those of the interfaces from start to stop.
 
-    L : (P, 3, 2n)
+    L : (P, 3, 2n); chosen : (Q,) int, among these, interface after interface
     bounds : (I + 1,) int, where those of each interface start
     both : (I, 2n) fields of the two bodies
     """
     for i in range(start, stop):
         y = both[i]
-        for p in range(bounds[i], bounds[i + 1]):
-            row = L[p]
+        for q in range(bounds[i], bounds[i + 1]):
+            row = L[chosen[q]]
             for c in range(3):
                 total = 0.0
                 for f in range(len(y)):
                     total += row[c, f] * y[f]
-                F[c, p] += total
+                F[c, q] += total
+
+
+@compiled
+def moved(start, stop, of, both, weight, result):
+    """result (3, Q) = ω (1₃ ⊗ φ) A y at some of the pairs; as for ``spread`` and ``carried``."""
+    _, phi, places, A, rows, shapes, chosen, bounds = of
+    for i in range(start, stop):
+        y, m = both[i], shapes[i]
+        combined = np.empty(3 * m)
+        for a in range(3 * m):
+            total, along = 0.0, A[rows[i] + a]
+            for f in range(len(y)):
+                total += along[f] * y[f]
+            combined[a] = total
+        for q in range(bounds[i], bounds[i + 1]):
+            p = chosen[q]
+            first = places[i] + m * p
+            for d in range(3):
+                total = 0.0
+                for j in range(m):
+                    total += combined[d * m + j] * phi[first + j]
+                result[d, q] = weight[p] * total
 
 
 @compiled
 def carried(start, stop, of, force, weight, result):
-    """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, P), first body and second body of each
+    """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each
     interface.
 
-    of : L, φ, ``places``, A, ``rows`` and ``shapes`` as ``PairFields`` has them, bounds as for
-        ``spread``; weight : (P,) ω
+    of : L, φ, ``places``, A, ``rows`` and ``shapes`` as ``PairFields`` has them, chosen and bounds
+        as for ``spread``; weight : (P,) ω
     """
-    _, phi, places, A, rows, shapes, bounds = of
+    _, phi, places, A, rows, shapes, chosen, bounds = of
     half = A.shape[1] // 2
     for i in range(start, stop):
         result[i] = 0.0
@@ -45,11 +67,12 @@ def carried(start, stop, of, force, weight, result):
             continue
         m = shapes[i]
         moments = np.zeros(3 * m)
-        for p in range(bounds[i], bounds[i + 1]):
+        for q in range(bounds[i], bounds[i + 1]):
+            p = chosen[q]
             first = places[i] + m * p
             for c in range(3):
-                if force[c, p] != 0.0:
-                    share = weight[p] * force[c, p]
+                if force[c, q] != 0.0:
+                    share = weight[p] * force[c, q]
                     for j in range(m):
                         moments[c * m + j] += share * phi[first + j]
         for a in range(3 * m):
@@ -65,11 +88,11 @@ def slopes(start, stop, of, A, given, weight, result):
     of the two bodies.
 
     of : as for ``carried``; A : the same in L's precision, that of all sums
-    given : (R,) int, ascending, points; (I + 1,) int, where those of each
+    given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each
         interface start; ∂f̂/∂F (3, 3, R)
     weight : (P,) ω
     """
-    (L, phi, places, _, rows, shapes, _), (active, first, derivative) = of, given
+    (L, phi, places, _, rows, shapes, chosen, _), (active, first, derivative) = of, given
     size, half = L.shape[2], L.shape[2] // 2
     fields, share, whole = np.empty((3 * TOGETHER, size),
                                     L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
@@ -83,13 +106,13 @@ def slopes(start, stop, of, A, given, weight, result):
             count = min(TOGETHER, first[i + 1] - r)
             turned = np.empty((3 * m, 3 * count), L.dtype)
             for q in range(count):
-                p = active[r + q]
+                p = chosen[active[r + q]]
                 for d in range(3):
                     for f in range(size):
                         fields[count * d + q, f] = L[p, d, f]
             for j in range(m):
                 for q in range(count):
-                    p = active[r + q]
+                    p = chosen[active[r + q]]
                     share[q] = weight[p] * phi[places[i] + m * p + j]
                 for c in range(3):
                     for d in range(3):

@@ -1,56 +1,42 @@
-"""One load step of the coarse contact problem: its imbalance ρ, and Newton's method for it.
+"""One load step of the coarse contact problem: its imbalance ρ, and the pairs near enough to
+matter.
 
-    ρ(y) = Uᵀf + K₀ y − Σ Tᵀ f̂,     f̂ = (1 − ε) law(F) + ε (F − keq d₀),     F = F₀ + L y
+    ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y)
 
-Where pairs share nodes of bodies they may answer together, see ``group_fields``. A step is searched
-along its line,
+Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part
+is affine, and summed once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
 
-    [K₀ − Σ Tᵀ A L − Σ Tᵀ X D + δ] dy = −ρ(y),    A ← (1 − ε) ∂law/∂F + ε
-    y ← y + θ dy,    |dy·ρ(y + θ dy)| ≤ ½ |dy·ρ(y)|
-
-A loose body feels nothing until it touches, then more than before: ‖ρ‖ does not tell how far to go.
-The work of the imbalance along the line does (Matthies & Strang, Int. J. Numer. Meth. Engng 14,
-1979): without friction it is the slope of a convex energy, negative up to its least value. The
-shift δ is none to speak of unless friction makes a line rise from its start.
-
-Among ranks, what belongs to an interface is formed by one that touches it, see ``dealt``, and rank
-0 eliminates.
+Among ranks, what belongs to an interface is formed by one that touches it, see ``dealt``. ρ is
+summed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
-from orchestrator.method.coarse.group_fields import GroupFields
+from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.pair_fields import PairFields
-from orchestrator.method.coarse.responses import Responses
-from orchestrator.method.interface.node_groups import NodeGroups
-from orchestrator.method.interface.node_stage import NodeStage
 from orchestrator.method.interface.pairs import History
-from orchestrator.method.sparse.blocks import BlockPattern
+from orchestrator.method.sparse.blocks import BlockPattern, SharedFactors
 from orchestrator.parallel.team import Team
 
-# shift relative to k: the first, by how much it grows, beyond what nothing is tried
-LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3
-LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
-POINTS = 20  # of a line: regula falsi halves what is left in each but a few
-ROUNDING = 1e-14  # of what forces do in the fields, below which ρ is noise
 
-
-@dataclass(frozen=True)
+@dataclass
 class Bodies:
     """Bodies, as all load steps have them.
 
     team : the ranks
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
-    counted : int, interfaces that this rank adds up; theirs : (P,) 1 at their pairs, else 0
-    alone : (P,) the same, and 0 at pairs that answer together
-    pattern : of the matrices
-    grouped : fields at pairs that answer together; None where there are none here
+    counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
+    pattern : of the Newton matrices
+    weight : (P,) 1 − ε, the laws' share
+    springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
+    affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, the pattern's blocks
     """
 
     team: Team
@@ -58,153 +44,156 @@ class Bodies:
     K0: np.ndarray
     counted: np.ndarray
     theirs: np.ndarray
-    alone: np.ndarray
     pattern: BlockPattern
-    grouped: GroupFields | None = None
+    weight: np.ndarray
+    springs: sp.sparray | None
+    affine: np.ndarray
+
+    @cached_property
+    def resisting(self) -> np.ndarray:
+        """(P,) ε of the pairs that this rank adds up, 0 at others."""
+        return np.where(self.theirs, self.fields.pairs.stabilisation, 0.0)
+
+    @cached_property
+    def summed(self) -> tuple[np.ndarray, PairFields]:
+        """The pairs that this rank adds up, (Q,) int, and the fields at them."""
+        chosen = np.flatnonzero(self.theirs)
+        return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
 
     @classmethod
-    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
-        """Deal out the interfaces, all of whose pairs answer alone; ``own``: bodies of this
-        rank.
+    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray,
+           rigid: int = 0) -> Bodies:
+        """Deal out the interfaces; ``own`` are the bodies of this rank. ``rigid`` : as for
+        ``BlockPattern``.
         """
         chosen = dealt(team, own, fields)
-        theirs = np.repeat(chosen.astype(float), np.diff(fields.pairs.bounds))
-        counted = np.flatnonzero(chosen)
-        pattern = BlockPattern(fields.ends[counted], fields.count, fields.size, team)
-        return cls(team, fields, K0, counted, theirs, theirs, pattern)
+        counted, theirs = np.flatnonzero(chosen), np.repeat(chosen, np.diff(fields.pairs.bounds))
+        pattern = BlockPattern(fields.ends[counted], fields.count, fields.size, team, rigid)
+        return cls(team, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None,
+                   None).stabilised(fields)
 
-    def together(self, groups: NodeGroups | None, response: Responses) -> Bodies:
-        """Return them with pairs that answer in groups, None where there are none here; all ranks
-        ask.
-        """
-        fields, ends, alone, grouped = self.fields, self.fields.ends[self.counted], self.alone, None
-        if groups is not None:
-            grouped = GroupFields.of(groups, fields, ends, self.theirs, response)
-            ends, alone = grouped.pairs, alone.copy()
-            alone[groups.chosen] = 0.0
-        return replace(self, grouped=grouped, alone=alone, pattern=BlockPattern(
-            ends, fields.count, fields.size, self.team))
+    def stabilised(self, fields: PairFields) -> Bodies:
+        """The same at pairs with these springs."""
+        counted, weight, springs = self.counted, np.ones(len(self.theirs)), None
+        slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
+        if fields.pairs.stabilisation is not None:
+            epsilon = fields.pairs.stabilisation
+            weight, every = 1 - epsilon, np.arange(len(self.theirs))
+            slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every,
+                                          np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
+                                   epsilon)[counted]
+            springs = self.pattern.matrix(self.pattern.summed(slopes))
+        return replace(self, fields=fields, weight=weight, springs=springs,
+                       affine=self.pattern.values(-slopes, self.K0))
 
 
 class LoadStep:
-    """Iterates of one load step; it stands at the last ones.
+    """ρ of one load step, and its derivative.
 
     bodies : what all load steps share
     number : of the load step in the scene
-    F0 : (3, P) predicted forces; resultant : (bodies, n) Uᵀf; before : what the load step before
-        has left
-    anchor : (3, P) jump at which springs of stabilisation carry nothing
-    springs : ε in the matrix, (P,) or one for all; others than those of stabilisation do not
-        change what is found
-    nodes : what answers the groups, and the place of the load step there; None: all pairs alone
-
-    y, rho : (bodies, n) fields and ρ; start : ‖ρ‖ at the start; least : what is noise of it
-    F, answer, after : (3, P) forces predicted, what laws answer, and what that leaves to the next
-        load step
-    steps : taken so far
+    F0 : (3, P) predicted forces
+    resultant : (bodies, n) Uᵀf
+    before : what the load step before has left
+    anchor : (3, P) jump at which springs carry nothing; None: the one before
+    F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its
+        ΣTᵀε L y, with which ρ was formed last
     """
 
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray,
-                 before: History, anchor: np.ndarray, springs: np.ndarray | float = 0.0,
-                 nodes: tuple[NodeStage, int] | None = None):
-        self.bodies, self.number, self.F0, self.resultant = bodies, number, F0, resultant
-        self.before, self.anchor, self.springs, self.nodes = before, anchor, springs, nodes
-        self.steps = 0
-        self.move(np.zeros_like(resultant))
-        self.start = self.size
+                 before: History,
+                 anchor: np.ndarray | None = None):
+        self.bodies, self.number = bodies, number
+        self.F0, self.resultant, self.before = F0, resultant, before
+        self.resisted = np.zeros_like(resultant)
+        if bodies.springs is not None:
+            resisted = bodies.fields.pairs.resisted(F0, before.jump if anchor is None else anchor)
+            self.resisted = bodies.fields.carried(resisted, bodies.resisting)
+        chosen, self.fields = bodies.summed
+        whole = len(chosen) == F0.shape[1]
+        self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1),
+                                                           before.take(chosen))
 
-    @property
-    def size(self) -> float:
-        """‖ρ‖."""
-        return float(np.linalg.norm(self.rho))
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """(bodies, n) ρ; the forces that it was formed with are kept for ``matrix``."""
+        self.F = self.fields.predicted(self.here, y)
+        self.stiff, self.sprung = self.linear(y)
+        return self.imbalance(self.answer(self.F).force)
 
-    def move(self, y: np.ndarray) -> None:
-        """Go to fields y (bodies, n)."""
-        bodies, fields, pairs = self.bodies, self.bodies.fields, self.bodies.fields.pairs
-        self.y, self.F = y, fields.predicted(self.F0, y)
-        if self.nodes is not None:
-            nodes, t = self.nodes
-            chosen = nodes.groups.chosen
-            self.F[:, chosen], together = nodes.predicted(t, bodies.grouped.moved(y))
-        self.answer = pairs.force(self.F, self.before, self.number)
-        force, jump = pairs.settled(self.answer.force, self.F, self.anchor)
-        if self.nodes is not None:
-            jump[:, chosen] = together
-        self.after = History(jump, self.answer.own)
-        carried, = bodies.team.sum(fields.carried(force, bodies.theirs))
-        self.least = ROUNDING * np.linalg.norm(carried)
-        self.rho = self.resultant + np.einsum("bij,bj->bi", bodies.K0, y) - carried
+    def answer(self, F: np.ndarray, derivative: bool = False) -> Answer:
+        """Return what the laws say at forces (3, Q)."""
+        return self.fields.pairs.force(F, self.left, self.number, derivative=derivative)
+
+    def linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
+        bodies = self.bodies
+        stiff = np.einsum("bij,bj->bi", bodies.K0, y)
+        return stiff, np.zeros_like(y) if bodies.springs is None else (
+            bodies.springs @ y.ravel()).reshape(y.shape)
+
+    def imbalance(self, force: np.ndarray) -> np.ndarray:
+        """(bodies, n) ρ with forces (3, Q)."""
+        return self.left_by(*self.bodies.team.sum(self.carried(force, self.sprung)))
+
+    def carried(self, force: np.ndarray, sprung: np.ndarray) -> np.ndarray:
+        """(bodies, n) what forces (3, Q) and springs do in the fields: this rank's part."""
+        return self.fields.carried(force, self.bodies.weight) + self.resisted + sprung
+
+    def left_by(self, carried: np.ndarray) -> np.ndarray:
+        """(bodies, n) ρ where forces and springs of all ranks do that in the fields."""
+        return self.resultant + self.stiff - carried
 
     def matrix(self) -> np.ndarray:
-        """Return values of the matrix, for the pattern."""
-        bodies, fields, pairs = self.bodies, self.bodies.fields, self.bodies.fields.pairs
-        answer = pairs.force(self.F, self.before, self.number, derivative=True)
-        result = fields.slopes(pairs.slopes(answer, self.springs), answer.collective,
-                               bodies.alone)[bodies.counted]
-        if self.nodes is not None:
-            (nodes, t), grouped = self.nodes, bodies.grouped
-            alone, result = result, np.zeros((len(grouped.pairs), *result.shape[1:]))
-            result[: len(alone)] = alone
-            laws, asked = grouped.groups.laws, nodes.question
-            answer = laws.force(asked.predicted(nodes.q[t]), asked.before, self.number,
-                                derivative=True)
-            grouped.add(laws.slopes(answer, self.springs), result)
-        return bodies.pattern.values(-result.astype(fields.L.dtype), bodies.K0)
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern."""
+        bodies = self.bodies
+        slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
+        return bodies.affine - bodies.pattern.values(slopes[bodies.counted])
 
-    def solved(self, goal: float, most: int) -> str:
-        """Take at most so many steps to a goal of ‖ρ‖; how they end: "tolerance", or why not
-        there: "steps", or "no direction", whatever the shift.
-        """
-        while not self.size <= goal:
-            if self.steps == most:
-                return "steps"
-            if not self.step():
-                return "no direction"
-            self.steps += 1
-        return "tolerance"
+    def factors(self, matrix: np.ndarray, shift: float) -> SharedFactors:
+        """Of (matrix + shift), what solves with it."""
+        return self.bodies.pattern.factors(matrix, shift)
 
-    def step(self) -> bool:
-        """Take a step; whether there was a direction for one."""
-        matrix, shift, start = self.matrix(), LEAST, self.y
-        while shift <= MOST:
-            dy = -self.bodies.pattern.factors(matrix, shift).solve(self.rho)
-            if (work := np.vdot(dy, self.rho)) < 0:
-                break
-            shift *= SLOWER
-        else:
-            return False
-
-        def along(theta: float) -> float:
-            self.move(start + theta * dy)
-            return float(np.vdot(dy, self.rho))
-
-        search(along, work)
-        return True
+    def forces(self, y: np.ndarray) -> np.ndarray:
+        """(3, P) F₀ + L y at all pairs."""
+        return self.bodies.fields.predicted(self.F0, y)
 
 
-def search(work: Callable[[float], float], first: float) -> float:
-    """θ in (0, 1] where the work along a line has come down to a part of the first.
+class Line:
+    """A line y + θ dy of one load step, θ from 0 to 1.
 
-    Beyond the whole step's work comes the root of a parabola: it begins with the slope that makes
-    the whole step Newton's, and bends up as pairs close on the way. Then the Illinois rule.
+    at : the load step, where it formed ρ(y)
+    dy : (bodies, n)
     """
-    low, at_low, high, at_high, theta = 0.0, first, None, 0.0, 1.0
-    before = 0
-    for _ in range(POINTS):
-        here = work(theta)
-        # what is no number has no root
-        if not abs(here) > LEFT * abs(first) or (here < 0 and high is None):
-            break
-        side = 1 if here > 0 else -1
-        if side > 0:
-            high, at_high, at_low = theta, here, at_low / (2 if before == side else 1)
-        else:
-            low, at_low, at_high = theta, here, at_high / (2 if before == side else 1)
-        theta = low - at_low * (high - low) / (at_high - at_low)
-        if not before:  # first + |first| θ + here θ² = 0
-            theta = 2 / (1 + np.sqrt(1 + 4 * here / abs(first)))
-        before = side
-    return theta
+
+    def __init__(self, at: LoadStep, dy: np.ndarray):
+        self.at, self.F, self.found, bodies = at, at.F, (None, None, None), at.bodies
+        self.dF, self.against = at.fields.swept(dy, bodies.weight)
+        self.stiff, self.sprung = at.linear(dy)
+        self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
+        self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
+
+    def __call__(self, theta: float) -> float:
+        """dy·ρ(y + θ dy), the work of the imbalance."""
+        at, carried = self.at, None
+        at.F = self.F + theta * self.dF
+        force, team = at.answer(at.F).force, at.bodies.team
+        work = np.vdot(self.against, force) + self.springs[0] + theta * self.springs[1]
+        # many lines end at their first point: what ρ needs there travels along
+        if team.size > 1 and theta == 1:
+            work, carried = team.sum(work, at.carried(force, at.sprung + theta * self.sprung))
+        elif team.size > 1:
+            work, = team.sum(work)
+        self.found = theta, force, carried
+        return float(self.start + theta * self.slope - work)
+
+    def end(self, theta: float) -> np.ndarray:
+        """(bodies, n) ρ(y + θ dy), which the load step then stands at."""
+        if self.found[0] != theta:
+            self(theta)
+        at, (_, force, carried) = self.at, self.found
+        at.stiff = at.stiff + theta * self.stiff
+        at.sprung = at.sprung + theta * self.sprung
+        return at.imbalance(force) if carried is None else at.left_by(carried)
 
 
 def dealt(team: Team, own: np.ndarray, fields: PairFields) -> np.ndarray:

@@ -44,17 +44,36 @@ class Responses:
         """To combinations (own bodies, m, n) of fields (m, D), made orthonormal: U k Uᵀ = 1; what
         depends on others becomes zero.
 
-        On a body that has a single plane interface, the gradients along its normal do.
+        On a body that has a single plane interface, the gradients along its normal do. What the
+        first half moves stays with the first half.
         """
         k, space = stage.direction.k, stage.space
         grams = per_body(space, fields, times(k, fields))
-        R = np.array([may @ orthonormal(may.T @ gram @ may)
-                      for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
+        R = np.array([_nested(gram, may) for gram, may in zip(grams, allowed)]).reshape(
+            allowed.shape)
         U = combined(fields, R, space.parts)
         V = times(k, U)
         u = stage.solve(space.loads(V))
         W = space.trace(u)
         return cls(space, U, V, W, V - times(k, W), u)
+
+
+def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:
+    """(m, n) combinations of what a body may move in (m, n), orthonormal: the first half of them,
+    then what these leave of the others.
+    """
+    half = may.shape[1] // 2
+    first, others = may[:, :half], may[:, half:]
+    return _beside(first @ orthonormal(first.T @ gram @ first), others, gram)
+
+
+def _beside(first: np.ndarray, others: np.ndarray, gram: np.ndarray) -> np.ndarray:
+    """(m, n) combinations: the first, which are orthonormal, and what they leave of the others,
+    orthonormal.
+    """
+    largest = float(np.einsum("ij,ik,kj->j", others, gram, others).max(initial=0.0))
+    others = others - first @ (first.T @ gram @ others)
+    return np.hstack([first, others @ orthonormal(others.T @ gram @ others, largest)])
 
 
 def combined(fields: np.ndarray, R: np.ndarray, parts: list[slice]) -> np.ndarray:

@@ -27,6 +27,7 @@ import numpy as np
 from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.soft_bodies import BesideAffine
+from orchestrator.method.coarse.problem import of_all
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.scene.model import Scene
@@ -113,7 +114,8 @@ def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:
     said.
     """
     space = blackbox.direction.space
-    known, middle = space.of_all(_middles(scene, blackbox, wanted)).T
+    known, middle = of_all(space.team, space.link.subdomain_count, space.subdomains,
+                           _middles(scene, blackbox, wanted)).T
     mine = [i.subdomains for i in scene.interfaces
             if wanted[i.index] and i.subdomains[0] in space.subdomains
             and known[list(i.subdomains)].all()]

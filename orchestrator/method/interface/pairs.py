@@ -97,6 +97,14 @@ class Pairs(Answering):
 
     # ---- springs of stabilisation --------------------------------------------------------------
 
+    def anchors(self, w: np.ndarray | None) -> np.ndarray | None:
+        """(T, 3, P) jumps of traces (T, D + G), at which springs carry nothing; None without
+        springs, or without traces.
+        """
+        if self.stabilisation is None or w is None:
+            return None
+        return self.transfer.jump(w) + self.slid
+
     def weakest(self, team: Team) -> float:
         """The smallest ε of springs of stabilisation, of all ranks; infinite where there are
         none.

@@ -12,10 +12,10 @@ body then has one position, and ε → 0 selects it. On true laws the blend leav
 2 ε, more where bodies go far.
 
 Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before
-stands the jump to which steps together in the coarse contact problem have moved bodies, and where
-these do not do that before it (``coarse.correction``). What does not move any more loads no spring,
-whatever ε: these are proximal points of the true laws, and end on them. Without a coarse problem
-they stay where they are, with a share of what the tolerance allows.
+stands the jump of the linear stage, and where the coarse contact problem has moved bodies since
+(``coarse.problem``). What does not move any more loads no spring, whatever ε: these are proximal
+points of the true laws, and end on them. Without a coarse problem they stay where they are, with a
+share of what the tolerance allows.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from orchestrator.config.method import STABLEST, SoleSettings
 from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
-# ε of springs that begin anew
+# ε of springs that begin anew, the weakest in an iteration: see ``coarse.problem`` for those before
 ANEW = 1e-6
 SHARE = 0.25  # of the law residual that the tolerance allows, with which auto begins
 FLOOR = 2.0  # what is left of the law residual, over ε

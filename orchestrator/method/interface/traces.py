@@ -166,12 +166,6 @@ class TraceSpace:
         stops = np.cumsum([len(f) for f in fields])[:-1]
         return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, stops)))
 
-    def of_all(self, own: np.ndarray) -> np.ndarray:
-        """(subdomains, …) of the whole scene, from what each rank has of its own; all ask."""
-        everything = np.zeros((self.link.subdomain_count, *own.shape[1:]))
-        everything[self.subdomains] = own
-        return self.team.sum(everything)[0]
-
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""
         return self.transfer.across(self.extended(field)[0])

@@ -56,15 +56,15 @@ class Admissible:
     space: TraceSpace  # numbering
     # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those
     # of the load step before
-    anchor: np.ndarray | None = None
+    anchor: np.ndarray | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray,
-                    f: np.ndarray, space: TraceSpace,
-                    anchor: np.ndarray | None = None) -> Admissible:
+                    f: np.ndarray,
+                    space: TraceSpace, anchor: np.ndarray | None = None) -> Admissible:
         """From traces (T, D + G) whose ghosts are known already."""
-        fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space, anchor)
-        fields.extended = w, f
+        fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
+        fields.extended, fields.anchor = (w, f), anchor
         return fields
 
     @cached_property

@@ -113,8 +113,10 @@ class Evaluation:
         """Whether all has settled, and springs of stabilisation that stay where they are carry more
         than the tolerance.
         """
-        laws, local = self.verdict.laws, self.problem.local
-        return laws is not None and not local.anew and laws.held_by_springs(self.verdict.target[1])
+        verdict, coarse = self.verdict, self.problem.coarse
+        on_the_way = coarse is not None and coarse.anew
+        return verdict.laws is not None and not on_the_way and verdict.laws.held_by_springs(
+            verdict.target[1])
 
 
 @dataclass

@@ -200,4 +200,7 @@ def paired_as(d: Decomposition, other: Decomposition) -> Decomposition:
     """
     if (springs := other.local.pairs.springs) != 1:
         other = weakened(other, 1 / springs)
-    return d.meeting(other.local.pairs.at_steps_of(d.local.pairs), copy(other.coarse))
+    coarse = copy(other.coarse)
+    if coarse is not None:
+        coarse.radius, coarse.anew = None, d.coarse.anew
+    return d.meeting(other.local.pairs.at_steps_of(d.local.pairs), coarse)

@@ -128,7 +128,7 @@ class LimitLoadMonitor(Monitor):
         where they do so for the first time, that
         bodies make way."""
         coarse = now.problem.coarse
-        ends = {} if coarse is None else coarse.solves.ends
+        ends = {} if coarse is None else coarse.problem.ends
         before, self.unsolved = self.unsolved, sum(ends.values()) - ends.get("tolerance", 0)
         if self.unsolved <= before or self.way:
             return (), self.unsolved > before

@@ -52,17 +52,21 @@ class Weakening(Monitor):
     @classmethod
     def of(cls, case: Case) -> Weakening | None:
         problem = case.problem
-        if problem.all_perfect or not problem.local.anew:
+        if (
+            problem.all_perfect
+            or problem.coarse is None
+            or problem.local.pairs.stabilisation is None
+        ):
             return None
-        return cls(allowed_residual(case.method.tolerance))
+        return cls(allowed_residual(case.method.tolerance)) if problem.coarse.anew else None
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, problem = now.verdict, now.problem
-        if problem.local.anew and verdict.laws.springs <= FALLS * self.least[0]:
+        if problem.coarse.anew and verdict.laws.springs <= FALLS * self.least[0]:
             self.least = verdict.laws.springs, now.number
         if verdict.changes or verdict.reason or now.last:
             return Verdict()
-        changes = self.stands(now) if problem.local.anew else self.due(verdict,
+        changes = self.stands(now) if problem.coarse.anew else self.due(verdict,
                                                                         problem.local.pairs.springs)
         return Verdict(False, changes=(self.name,), anew=True) if changes else Verdict()
 
@@ -85,7 +89,7 @@ class Weakening(Monitor):
         return 0
 
     def change(self, now: Evaluation) -> Decomposition:
-        if now.problem.local.anew:
+        if now.problem.coarse.anew:
             self.stays = now.number
             return anchored(now.problem)
         times = self.due(now.verdict, now.problem.local.pairs.springs)
@@ -106,13 +110,11 @@ class Weakening(Monitor):
 
 def weakened(d: Decomposition, share: float) -> Decomposition:
     """Scale the springs of stabilisation to that share of ε."""
-    return d.meeting(d.local.pairs.weakened(share),
-                     d.coarse and d.coarse.paired(d.coarse.pairs.weakened(share)))
+    return d.meeting(d.local.pairs.weakened(share), d.coarse and d.coarse.weakened(share))
 
 
 def anchored(d: Decomposition) -> Decomposition:
     """Let springs of stabilisation begin anew no more."""
-    local, coarse = copy(d.local), copy(d.coarse)
-    local.anew = False
-    coarse.local = local
-    return replace(d, local=local, coarse=coarse)
+    coarse = copy(d.coarse)
+    coarse.anew = False
+    return replace(d, coarse=coarse)

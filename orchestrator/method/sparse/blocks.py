@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.sparse.fronts import Elimination, Factors
+from orchestrator.method.sparse.rigid_first import RigidFirst
 from orchestrator.parallel.team import ALONE, Team
 
 
@@ -25,12 +26,15 @@ class BlockPattern:
     ends : (I, 2) int, the two bodies of every interface that this rank adds up
     bodies : number of bodies of all ranks
     size : rows of a body's block
+    rigid : how many of them, the first, may be eliminated alone (``rigid_first``), where that saves
+        much; default: none
     rows, indices : (n,) int, block rows and columns of the blocks, row after row
     diagonal : (bodies,) int, which of them are a body's own
     """
 
-    def __init__(self, ends: np.ndarray, bodies: int, size: int, team: Team = ALONE):
-        self.bodies, self.size, self.team = bodies, size, team
+    def __init__(self, ends: np.ndarray, bodies: int, size: int, team: Team = ALONE,
+                 rigid: int = 0):
+        self.bodies, self.size, self.team, self._rigid = bodies, size, team, rigid
         own, all_ends = np.arange(bodies), np.concatenate(team.all_gather(ends))
         places = np.unique(np.concatenate([_places(all_ends, bodies), bodies * own + own]))
         self.rows, self.indices = np.divmod(places, bodies)
@@ -62,13 +66,16 @@ class BlockPattern:
 
     def factors(self, values: np.ndarray, shift: float) -> SharedFactors:
         """Of (matrix + shift), what solves with it."""
-        return SharedFactors(self.team, None if self.team.rank
-                             else self.elimination.factors(values, shift))
+        if self.team.rank:
+            return SharedFactors(self.team, None)
+        whole = self.elimination.size == self.size
+        return SharedFactors(self.team, self.elimination.factors(values, shift) if whole else
+                             RigidFirst(self.elimination, values, shift, self.diagonal))
 
     @cached_property
     def elimination(self) -> Elimination:
         """Order and fronts."""
-        return Elimination(self.indptr, self.indices, self.size)
+        return Elimination(self.indptr, self.indices, self.size, self._rigid)
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,7 @@ class SharedFactors:
     """A factorised matrix, on rank 0."""
 
     team: Team
-    factors: Factors | None
+    factors: Factors | RigidFirst | None
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) solution for a right-hand side of that shape, which rank 0 has; on all

@@ -28,6 +28,8 @@ from orchestrator.method.interface.rows import bounds_of
 OWN_CALLS = 5e5  # operations that BLAS does in the time that one more front takes beside them
 # operations that BLAS does in the time that it takes to pass a number on to the parent
 PASSED = 50.0
+# operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
+WORTH = 3e8
 
 
 @dataclass(frozen=True)
@@ -50,18 +52,23 @@ class Elimination:
     """Order and fronts for one pattern.
 
     indptr, indices : the pattern, block row after block row, symmetric, with the diagonal
-    size : rows of a block
+    size : rows of a block; those that are eliminated, which are the first ``rigid`` alone where
+        that saves much
     order : (bodies,) int, in which they are eliminated
     fronts : children before parents
     """
 
-    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int):
-        count, self.size = len(indptr) - 1, size
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int, rigid: int = 0):
+        count, self.indptr, self.indices = len(indptr) - 1, indptr, indices
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr),
                                shape=(count, count))
         sees, order = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(
             zip(indptr[:-1], indptr[1:]))], dissection(pattern)
         groups = grouped(sees, order, size)
+        if rigid and sum(operations(len(columns), len(rest), size)
+                         for columns, rest, _ in groups) >= WORTH:
+            groups, size = grouped(sees, order, rigid), rigid
+        self.size = size
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         place, owns = np.argsort(self.order), [len(columns) for columns, _, _ in groups]
         starts, front_of = bounds_of(owns), np.repeat(np.arange(len(groups)), owns)

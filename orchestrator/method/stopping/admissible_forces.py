@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import orthonormal
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -37,6 +37,7 @@ TOLERATED = 100.0  # of that, what is left by another way of summing up
 # carried
 CARRIED = 1e-3
 MOST = 300  # steps: bodies that nothing presses have to be in balance too
+FAR = 1e6  # of the largest displacement, how far a body may be moved: no limit to speak of
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ class AdmissibleForces:
     def __init__(self, direction: SearchDirection, pairs: Pairs, modes: list[np.ndarray]):
         self.space, self.pairs = direction.space, pairs
         space, team, k = self.space, self.space.team, direction.diagonal
+        self.bodies = space.link.subdomain_count
         boundary, parts = space.side_by_side(dict(enumerate(modes)), RIGID), space.parts
         traces = space.trace(boundary)
         self.U, self.u, missing, self.R = np.zeros_like(traces), np.zeros_like(boundary), np.zeros(
@@ -81,28 +83,35 @@ class AdmissibleForces:
         L = -pairs.points.stiffness(T)
         T, L = (np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L))
         self.parts, self.sizes = parts, np.abs(T)
-        self.problem = Bodies.of(team, np.asarray(space.subdomains, int),
-                                 PairFields.of(pairs, T, L, space.link.subdomain_count),
-                                 space.of_all(missing))
+        self.problem = CoarseProblem(team, space.subdomains,
+                                     PairFields.of(pairs, T, L, self.bodies),
+                                     of_all(team, self.bodies, space.subdomains, missing),
+                                     [np.ascontiguousarray(self.U[:, part].T) for part in parts])
+        self.problem.reduction, self.problem.most = 0.0, MOST
         self.exact = not team.max(float(not all(i.law.convex for i in pairs.interfaces)))[0]
 
-    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int) -> Balanced:
+    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int,
+                 radius: float) -> Balanced:
         """λ̂ of one load step.
 
         F : (3, P) predicted forces; f : (D,) forces of the linear stage, which the loads balance
         """
-        team, pushed = self.space.team, [self.U[:, part] @ f[part] for part in self.parts]
-        resultant = self.space.of_all(np.reshape(pushed, (-1, RIGID)))
+        team, own = self.space.team, self.space.subdomains
+        pushed = np.array([self.U[:, part] @ f[part] for part in self.parts])
+        resultant = of_all(team, self.bodies, own, pushed)
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
         everything = float(np.linalg.norm(team.sum(carried)[0]))
         rounding = BALANCED * everything
         loads = np.linalg.norm(resultant, axis=1)
         least = CARRIED * loads[loads > TOLERATED * rounding].min(initial=np.inf)
-        goal = rounding if self.exact else max(rounding, min(NEARLY * everything, least))
-        step = LoadStep(self.problem, number, F, resultant, before, before.jump)
-        step.solved(goal, MOST)
-        left = np.linalg.norm(step.rho, axis=1)
-        return Balanced(step.answer, step.F, step.y, left > max(goal, TOLERATED * rounding))
+        self.problem.goal = goal = rounding if self.exact else max(
+            rounding, min(NEARLY * everything, least))
+        y, there = self.problem.solve(0, number, F, resultant, before,
+                                      np.full(self.bodies, FAR * radius))
+        answer, fields = self.pairs.force(there, before, number), self.problem.fields
+        carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
+        left = np.linalg.norm(resultant - carried, axis=1)
+        return Balanced(answer, there, y, left > max(goal, TOLERATED * rounding))
 
     def displacement(self, y: np.ndarray) -> np.ndarray:
         """(B,) R y."""

@@ -34,7 +34,7 @@ import numpy as np
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import Blocks, dots
+from orchestrator.method.interface.rows import Blocks, dots, peak
 from orchestrator.method.interface.traces import per_node
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -202,8 +202,10 @@ class Certificate:
         """Return v and λ̂ of fields."""
         pairs, found, before = self.pairs, [], [self.before]
         F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
+        # the largest displacement of the interfaces, beside which bodies may move
+        radius = max(self.space.team.max(peak(fields.w))[0], np.finfo(float).tiny)
         for t, number in enumerate(pairs.numbers):
-            balanced = self.forces(F[t], fields.f[t], before[t], number)
+            balanced = self.forces(F[t], fields.f[t], before[t], number, radius)
             answer, u = balanced.answer, fields.u[t] + self.forces.displacement(balanced.y)
             known = None if held is None else held[t]
             placed = self.displacement(u, known, answer, balanced.F, before[t], number)

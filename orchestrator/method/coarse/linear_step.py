@@ -1,0 +1,134 @@
+"""Linearised steps of the coarse contact problem, at pairs that answer together where they share
+nodes of bodies.
+
+    [K₀ − Σ Tᵀ A L − Σ Tᵀ X D] dy = −ρ(y),     ρ(y) = Uᵀf + K₀ y − Σ Tᵀ q(y),     A ← (1 − ε) A + ε
+
+q are the laws' answers, those of groups together (``interface.node_stage``), X what they change
+with the fields (``group_fields``). Springs ε are in the matrix alone: nothing of them is left at
+the end. Where a few steps do not bring ‖ρ‖ to a tenth bodies are on their way to places that no
+linear problem knows: there the nonlinear one finds them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.method.coarse.group_fields import GroupFields
+from orchestrator.method.coarse.load_step import Bodies
+from orchestrator.method.coarse.newton import LEAST, search
+from orchestrator.method.coarse.responses import Responses
+from orchestrator.method.interface.node_groups import NodeGroups
+from orchestrator.method.interface.node_stage import NodeStage
+from orchestrator.method.interface.pairs import History
+from orchestrator.method.sparse.blocks import BlockPattern
+
+SPRINGS = 1e-3  # ε; ten times more or less makes two iterations of a hundred
+STEPS, ENOUGH = 4, 0.1  # at most, and ‖ρ‖ left over that at the start
+ROUNDING = 1e-14  # of what forces do in the fields, below which ρ is noise
+
+
+@dataclass(frozen=True)
+class LinearSteps:
+    """Matrices and fields that load steps have in common.
+
+    bodies : of the coarse problem; pattern : of the matrices
+    grouped : fields at pairs that answer together; None where there are none here
+    alone : (P,) 1 at pairs that this rank adds up and that answer alone, else 0
+    """
+
+    bodies: Bodies
+    pattern: BlockPattern
+    grouped: GroupFields | None
+    alone: np.ndarray
+
+    @property
+    def groups(self) -> NodeGroups | None:
+        """The groups."""
+        return None if self.grouped is None else self.grouped.groups
+
+    @classmethod
+    def of(cls, bodies: Bodies, groups: NodeGroups | None, response: Responses) -> LinearSteps:
+        """Return the steps; all ranks ask together, or none has groups."""
+        grouped = None if groups is None else GroupFields.of(groups, bodies, response)
+        alone, fields = bodies.theirs.astype(float), bodies.fields
+        pairs = fields.ends[bodies.counted] if grouped is None else grouped.pairs
+        if groups is not None:
+            alone[groups.chosen] = 0.0
+        return cls(bodies, BlockPattern(pairs, fields.count, fields.size, bodies.team), grouped,
+                   alone)
+
+
+class NodeStep:
+    """One load step, whose pairs answer by nodes.
+
+    number : of the load step in the scene, t of those solved together
+    F0 : (3, P) predicted forces; resultant : (bodies, n) Uᵀf; before : what the load step before
+        has left
+    anchor : (3, P) jump at which springs carry nothing
+    nodes : what answers the groups here; None: there are none
+    F, after : (3, P) forces predicted at the last fields, and what these leave to the next load
+        step
+    """
+
+    def __init__(self, of: LinearSteps, t: int, number: int, F0: np.ndarray, resultant: np.ndarray,
+                 before: History,
+                 anchor: np.ndarray, nodes: NodeStage | None):
+        self.of, self.t, self.number, self.F0, self.resultant = of, t, number, F0, resultant
+        self.before, self.anchor, self.nodes = before, anchor, nodes
+        self.y = np.zeros_like(resultant)
+        self.rho = self.residual(self.y)
+        self.start = np.linalg.norm(self.rho)
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """Return ρ (bodies, n) of fields y (bodies, n)."""
+        fields, bodies = self.of.bodies.fields, self.of.bodies
+        self.F = fields.predicted(self.F0, y)
+        if self.nodes is not None:
+            chosen = self.nodes.groups.chosen
+            self.F[:, chosen], together = self.nodes.predicted(self.t, self.of.grouped.moved(y))
+        answer = fields.pairs.force(self.F, self.before, self.number)
+        force, jump = fields.pairs.settled(answer.force, self.F, self.anchor)
+        if self.nodes is not None:
+            jump[:, chosen] = together
+        self.after = History(jump, answer.own)
+        carried, = bodies.team.sum(fields.carried(force, bodies.theirs.astype(float)))
+        self.least = ROUNDING * np.linalg.norm(carried)
+        return self.resultant + np.einsum("bij,bj->bi", bodies.K0, y) - carried
+
+    def matrix(self) -> np.ndarray:
+        """Return values of the matrix at the last fields."""
+        fields, grouped = self.of.bodies.fields, self.of.grouped
+        answer = fields.pairs.force(self.F, self.before, self.number, derivative=True)
+        every = np.arange(self.F.shape[1])
+        slopes = fields.slopes(replace(answer, active=every,
+                                       derivative=fields.pairs.slopes(answer, SPRINGS)),
+                               self.of.alone)
+        slopes = slopes[self.of.bodies.counted]
+        if grouped is not None:
+            result = np.zeros((len(grouped.pairs), *slopes.shape[1:]))
+            result[: len(slopes)] = slopes
+            laws, asked = grouped.groups.laws, self.nodes.question
+            answer = laws.force(asked.predicted(self.nodes.q[self.t]), asked.before, self.number,
+                                derivative=True)
+            grouped.add(laws.slopes(answer, SPRINGS), result)
+            slopes = result
+        return self.of.pattern.values(-slopes.astype(fields.all_L.dtype), self.of.bodies.K0)
+
+    def taken(self) -> int:
+        """Take steps until ‖ρ‖ is a tenth of what it was; how many, 0 if it does not come to
+        that.
+        """
+        size, pattern = self.start, self.of.pattern
+        for number in range(1, STEPS + 1):
+            dy = -pattern.factors(self.matrix(), LEAST).solve(self.rho)
+            length, work = 1.0, np.vdot(dy, self.rho)
+            rho = self.residual(self.y + dy)
+            if np.linalg.norm(rho) > ENOUGH * size and work < 0:
+                length = search(lambda theta: np.vdot(dy, self.residual(self.y + theta * dy)), work)
+                rho = self.residual(self.y + length * dy)
+            self.y, self.rho, size = self.y + length * dy, rho, np.linalg.norm(rho)
+            if size <= max(ENOUGH * self.start, self.least):
+                return number
+        return 0
