@@ -26,7 +26,8 @@ from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_POINTS, quadratic_slopes
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.soles import Ring, Sole
+from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.ring import Ring
 
 SolePair = tuple[Sole, Sole]
 

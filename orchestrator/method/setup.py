@@ -45,7 +45,7 @@ from orchestrator.scene.model import Scene
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.soles.overlap import by_nodes, difficulty
-from orchestrator.scene.soles import make_rings
+from orchestrator.scene.soles.ring import make_rings
 from orchestrator.timing import Stopwatch
 
 

@@ -19,7 +19,7 @@ from orchestrator.method.sparse.symmetric import factorise, Solve
 from orchestrator.method.interface.rows import eigenvalue, placed, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles import Ring
+from orchestrator.scene.soles.ring import Ring
 
 
 class SearchDirection:

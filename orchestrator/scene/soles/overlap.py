@@ -45,7 +45,8 @@ from orchestrator.scene.interfaces.mortar.surfaces import CONTRAST
 from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.interface import Difficulty, Interface
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles import Sole, between, INCOMPRESSIBLE
+from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE
 
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000
 # brick by brick, 64 subdomains: 40, 32,
