@@ -8,7 +8,6 @@ refused.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import InputError, some, wrong
+from orchestrator.kept import key_of
 from orchestrator.method.checkpoint import Checkpoint, HATS, Start
 from orchestrator.method.iterated import load_cases
 from orchestrator.results.checkpoint import Kept, read_file, TOLD, VERSION
@@ -39,13 +39,11 @@ def layout_of(scene: Scene, by_nodes: bool) -> dict[str, str]:
     layout = {"version of states": str(VERSION), "load steps": repr((
         scene.steps, load_cases(scene).chosen.tolist())),
         "traces": "nodes" if by_nodes else "interfaces"}
-    layout |= {f"subdomain {s.name}": hashlib.sha256(made.tobytes() + s.fixed.tobytes()).hexdigest()
+    layout |= {f"subdomain {s.name}": key_of([made, s.fixed]).hex()
                for s, made in zip(scene.subdomains, scene.prints)}
     for i in scene.interfaces:
-        made = hashlib.sha256(repr(i.subdomains).encode())
-        for side in (0, 1):
-            made.update(np.ascontiguousarray(i.nodes[side]).tobytes() + i.traced(side).tobytes())
-        layout[f"interface {i.name}"] = layout.get(f"interface {i.name}", "") + made.hexdigest()
+        made = key_of([i.subdomains, i.nodes, i.traced(0), i.traced(1)]).hex()
+        layout[f"interface {i.name}"] = layout.get(f"interface {i.name}", "") + made
     return layout
 
 

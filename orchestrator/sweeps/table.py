@@ -15,7 +15,6 @@ import numpy as np
 from orchestrator.config.paths import is_number, shown
 from orchestrator.errors import CONVERGED, visible
 from orchestrator.results.figures.plotting import COLOURS, new_figure, png, tidy
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.sweeps.variants import Variant
 
 NAME = "sweep.csv"
