@@ -187,7 +187,7 @@ def _cut(mesh: Mesh, faces: Faces, bolt: ClampingBolt) -> str:
     """
     own = np.flatnonzero(mesh.volume == bolt.volume)
     held = {mesh.volumes[fit.hole.volume] for fit in bolt.threads}
-    if (shank := shank_of(mesh, faces, own, held.__contains__)) is None:
+    if (shank := shank_of(mesh, faces, own, sorted(held))) is None:
         return ""
     point = shank.cut
     axis = int(np.abs(shank.axis).argmax())

@@ -110,6 +110,11 @@ class BlackBox:
         """The share of the machine that it has taken so far."""
         return self.inner.usage
 
+    @property
+    def key(self) -> bytes:
+        """Tells apart what is loaded, see ``kept``; of one that serves several runs alone."""
+        return self.inner.key
+
     def load(self, models: Sequence[Model]) -> None:
         """Assemble and factorise every model; model i is known as ``i`` from then on, those before
         are forgotten.

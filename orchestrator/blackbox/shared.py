@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.errors import BlackBoxError
+from orchestrator.kept import key_of
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.timing import STAGES
 
@@ -86,6 +87,10 @@ class SharedModels(BlackBox):
         # (subdomains,) the model of ``inner`` that answers for each
         self.model_of = np.empty(0, int)
         self._last: dict[int, dict[bytes, np.ndarray]] = {}  # of each model, rows and their answers
+
+    @property
+    def key(self) -> bytes:
+        return key_of([self.inner, self.model_of])
 
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the

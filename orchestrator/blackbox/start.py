@@ -148,6 +148,7 @@ class KeptBlackBox(BlackBox):
     def __init__(self, inner: BlackBox):
         super().__init__(inner)
         self._loaded: list[bytes] = []  # keys of the models that the inner one holds
+        self._key = b""  # another one whenever it has been given models
         self._before: dict[bytes, sp.csr_array] = {}  # stiffness matrices, of the run before
         self._matrices: dict[bytes, sp.csr_array] = {}  # and of this one
         # the same of answers in set-up: coarse fields, macro functions and soft modes ask again
@@ -160,6 +161,10 @@ class KeptBlackBox(BlackBox):
         self._before, self._matrices = self._matrices, {}
         self._answered, self._answers, self._ready = self._answers, {}, False
         self.usage.afresh()
+
+    @property
+    def key(self) -> bytes:
+        return self._key
 
     def ready(self) -> None:
         self._ready = True
@@ -176,7 +181,7 @@ class KeptBlackBox(BlackBox):
         keys = [key_of(model) for model in models]
         if keys == self._loaded and not any(self._changes(model) for model in models):
             return
-        self._loaded, self._answered, self._answers = [], {}, {}
+        self._loaded, self._answered, self._answers, self._key = [], {}, {}, os.urandom(16)
         super().load(models)
         self._loaded = keys
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from orchestrator.config.base import unit
 from orchestrator.errors import InputError, KeyPath, Problems, wrong
+from orchestrator.kept import kept
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point
@@ -54,7 +55,7 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
         try:
             name = _volume(mesh, partition, bolt, ("bolts", i, "on"), planes)
             own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-            shank = shank_of(mesh, faces, own, _bonded(name, Laws(list(entries), mesh.volumes)))
+            shank = shank_of(mesh, faces, own, _bonded(name, entries, mesh.volumes))
             axis, point = _plane(mesh, own, bolt, shank, ("bolts", i, "cut"))
             at = None if shank is None else shank.height(axis, point)
             if at is not None:
@@ -120,9 +121,10 @@ def _volume(mesh: Mesh, partition: Partition, bolt: Any, path: KeyPath,
     return names[0]
 
 
-def _bonded(bolt: str, laws: Laws) -> Callable[[str], bool]:
-    """Return what tells whether a bolt and the volume of a name are bonded."""
-    return lambda name: laws[laws.foreseen([bolt], [name])].kind.perfect
+def _bonded(bolt: str, entries: Sequence[Any], names: list[str]) -> list[str]:
+    """Return the volumes, of all names, that entries bond to a bolt."""
+    laws = Laws(list(entries), names)
+    return [name for name in names if laws[laws.foreseen([bolt], [name])].kind.perfect]
 
 
 def _plane(mesh: Mesh, own: np.ndarray, bolt: Any, shank: Shank | None,
@@ -174,6 +176,7 @@ def _told(shank: Shank, at: float, name: str, path: KeyPath, given: bool) -> Ite
                f"{format_point(shank.at(better))} is amid one of them")
 
 
+@kept
 def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:
     """Return (k,) bool, tets that a plane crosses and that share no face with others of their side:
     they go to the other one.

@@ -10,11 +10,11 @@ tightens the bolt against the part that it is screwed into: next to nothing arri
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.kept import kept
 from orchestrator.scene.interfaces.opposite import Triangles
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import tet_volumes
@@ -109,11 +109,11 @@ class Shank:
         return float(places[far <= far.min() + FLAT * self.radius].max()) if len(places) else at
 
 
-def shank_of(mesh: Mesh, faces: Faces, cells: np.ndarray,
-             bonded: Callable[[str], bool]) -> Shank | None:
+@kept
+def shank_of(mesh: Mesh, faces: Faces, cells: np.ndarray, bonded: list[str]) -> Shank | None:
     """Return the shank of a bolt; None where it has none.
 
-    cells : (k,) int, of the bolt; bonded : whether the volume of a name is bonded to it
+    cells : (k,) int, of the bolt; bonded : volumes that are bonded to it
     """
     if (found := _cylinder(mesh, faces, cells)) is None:
         return None
@@ -131,7 +131,7 @@ def shank_of(mesh: Mesh, faces: Faces, cells: np.ndarray,
     near = (np.abs(off - radius) < ALIKE * radius).all(axis=1) & (
         np.abs(along) < length / 2).any(axis=1)
     threads = [Thread(float(own.min()), float(own.max()), name) for v in np.unique(volume[near])
-               if bonded(name := mesh.volumes[v]) for own in [along[near & (volume == v)]]]
+               if (name := mesh.volumes[v]) in bonded for own in [along[near & (volume == v)]]]
     along, off = _places(mesh.nodes[mesh.cells[cells, :4]], axis, middle)
     return Shank(axis, middle, radius, length, float(np.median(np.ptp(along, axis=1))), heights,
                  threads, _free(along[off > (1 + ALIKE) * radius], radius, length / 2, threads))

@@ -38,7 +38,7 @@ Found = Sequence[tuple[Mapping[str, Any], Mapping[str, float]]]
 
 def rows_of(variants: Sequence[Variant], outcomes: Mapping[str, Any]) -> list[list[Any]]:
     """Return the head, and a row per variant: its values, its exit code, which variants it began
-    with, and all numbers that any variant has.
+    with, and all numbers that any variant has, None where one has none.
     """
     keys = list(dict.fromkeys(key for variant in variants for key in variant.values))
     names = list(dict.fromkeys(name for variant in variants
@@ -48,9 +48,9 @@ def rows_of(variants: Sequence[Variant], outcomes: Mapping[str, Any]) -> list[li
         outcome = outcomes[variant.name]
         values = [value if is_number(value) else json.dumps(value)
                   for value in (variant.values[key] for key in keys)]
-        code = outcome.exit_code if outcome.exit_code in RESULT else ""
+        code = outcome.exit_code if outcome.exit_code in RESULT else None
         rows.append([variant.name, *values, code, outcome.why, outcome.started_from,
-                     *(outcome.numbers.get(name, "") for name in names)])
+                     *map(outcome.numbers.get, names)])
     return [["variant", *keys, "exit_code", "why", "started_from", *names], *rows]
 
 
@@ -145,8 +145,10 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
                   keys[0])
     columns = min(len(names), 3)
     rows = -(-len(names) // columns)
-    figure = new_figure(3.6 * columns, 2.9 * rows)
-    figure.set_layout_engine("constrained")
+    width, height = 3.6 * columns, 2.9 * rows  # inches, of which labels need .8 beside a panel
+    figure = new_figure(width, height)
+    figure.subplots_adjust(0.75 / width, 0.5 / height, 1 - 0.12 / width, 1 - 0.35 / height,
+                           wspace=0.8 / 2.8, hspace=0.85 / 2.05)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, names):
         _panel(axes, name, across, found)

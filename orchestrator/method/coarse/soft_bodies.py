@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.kept import kept_by
 from orchestrator.method.interface.rows import DEPENDENT, orthonormal
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces
@@ -125,6 +126,8 @@ FOUND = 0.07
 MODES = Wanted(least=12, accurate=0.005, largest=640)
 
 
+@kept_by(lambda scene, blackbox: [blackbox, scene.stand_ins, [
+    (i.subdomains, i.law.joins) for i in scene.interfaces]])
 def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.ndarray], float]:
     """Soft modes of bodies that have softer fields than affine ones.
 

@@ -90,13 +90,11 @@ class Passed(NamedTuple):
 class _Part(NamedTuple):
     """A volume of the mesh as it is displaced.
 
-    points : (n, 3); displacement : (T, n, 3); sagitta : (k,) how far surfaces are off the k outer
-        faces
+    solid : before that
+    sagitta : (k,) how far surfaces are off the k outer faces; displacement : (T, n, 3)
     """
 
-    points: np.ndarray
-    cells: np.ndarray
-    outer: np.ndarray
+    solid: Solid
     sagitta: np.ndarray
     displacement: np.ndarray
 
@@ -108,12 +106,11 @@ class _Part(NamedTuple):
                   for e in np.unique(scene.cell_subdomain[scene.mesh.volume == volume])):
             _, own, at = np.intersect1d(s.nodes, number, assume_unique=True, return_indices=True)
             displacement[:, at] = sides[s.index][:, own]
-        return cls(solid.nodes, solid.cells, solid.outer, scene.sagitta[volume], displacement)
+        return cls(solid, scene.sagitta[volume], displacement)
 
     def at(self, step: int | None) -> Solid:
         """The volume at a load step, or at rest."""
-        return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells,
-                     self.outer)
+        return self.solid if step is None else self.solid.moved(self.displacement[step])
 
 
 def passing(scene: Scene, sides: Sequence[np.ndarray]) -> list[Passed]:
@@ -152,6 +149,11 @@ def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float],
                                  pairs[a, b]) for a, b in chosen}
         return {pair: o for pair, o in found.items() if o is not None}
 
+    # what has moved by less than counts has not moved that deep into anything
+    far = {v: peak(np.linalg.norm(part.displacement, axis=2)) for v, part in parts.items()}
+    least = {v: part.solid.surface.size.min(initial=np.inf) for v, part in parts.items()}
+    pairs = {(a, b): deep for (a, b), deep in pairs.items()
+             if far[a] + far[b] > deep * min(least[a], least[b])}
     each = [overlaps(step, pairs) for step in range(steps)]
     rest, result = overlaps(None, sorted({pair for found in each for pair in found})), []
     for pair, deep in pairs.items():

@@ -35,6 +35,7 @@ from orchestrator.blackbox.models import body_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import BlackBoxError
+from orchestrator.kept import key_of
 from orchestrator.method.sparse.symmetric import is_semidefinite
 from orchestrator.method.interface.rows import peak, ratio, ColumnSegments, times
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -68,6 +69,11 @@ class GuardedTraces(BlackBox):
         self.earlier = np.zeros((2, len(self.all.member)))
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
         self.own: dict[int, sp.csr_array] = {}
+
+    @property
+    def key(self) -> bytes:
+        space = self.direction.space
+        return key_of([self.inner, self.direction.k, space.gather, space.owner, space.global_dof])
 
     @cached_property
     def owned(self) -> ColumnSegments:

@@ -89,6 +89,10 @@ def jsonable(value: object) -> object:
     """Return ``value`` in plain JSON types: numpy's and dataclasses converted, nan and infinities
     None, unknown objects as text.
     """
+    if value is None or type(value) in (str, int, bool):  # nearly all there is
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
     if is_dataclass(value):
         value = asdict(value)
     if isinstance(value, Mapping):
@@ -97,9 +101,7 @@ def jsonable(value: object) -> object:
         value = value.tolist()
     if isinstance(value, (list, tuple, set)):
         return [jsonable(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
+    return value if isinstance(value, (bool, int, float, str)) else str(value)
 
 
 def versions(blackbox: Mapping[str, str] | None = None) -> dict[str, str]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.errors import Problems
+from orchestrator.kept import kept
 from orchestrator.scene.interfaces.overlap import Hidden
 from orchestrator.scene.interfaces.governing import Candidate
 from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
@@ -125,8 +126,13 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
 def matching_faces(parts: Parts, candidate: Candidate) -> list[Patch]:
     """Return the patches on which the nodes of a candidate's faces match."""
     entry = candidate.entry
-    return match(*candidate.pair, bool(entry.apart), entry.reach, candidate.tolerance,
-                 parts.hidden(*candidate.pair))
+    return _matching(parts, candidate.pair, bool(entry.apart), entry.reach, candidate.tolerance)
+
+
+@kept
+def _matching(parts: Parts, pair: tuple[BodyFaces, BodyFaces], apart: bool, within: float | None,
+              tolerance: float) -> list[Patch]:
+    return match(*pair, apart, within, tolerance, parts.hidden(*pair))
 
 
 def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slaves: dict[tuple, str],
@@ -177,9 +183,16 @@ def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slave
 def _facing(parts: Parts, candidate: Candidate) -> list[Facing]:
     """Surfaces of two bodies that lie on each other as an entry has it."""
     entry = candidate.entry
-    return facing(*map(parts.skins, candidate.pair), candidate.tolerance, entry.reach,
-                  candidate.cosine, bool(entry.apart), not candidate.entry.kind.as_one,
-                  parts.hidden(*candidate.pair))
+    return _on_each_other(parts, candidate.pair, candidate.tolerance, entry.reach,
+                          candidate.cosine, bool(entry.apart), not entry.kind.as_one)
+
+
+@kept
+def _on_each_other(parts: Parts, pair: tuple[BodyFaces, BodyFaces], tolerance: float,
+                   within: float | None, cosine: float, wide: bool,
+                   creases: bool) -> list[Facing]:
+    return facing(*map(parts.skins, pair), tolerance, within, cosine, wide, creases,
+                  parts.hidden(*pair))
 
 
 def _rests(parts: Parts, pair: tuple[BodyFaces, BodyFaces]) -> tuple[str, str, str] | None:

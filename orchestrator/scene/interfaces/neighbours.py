@@ -21,6 +21,7 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.errors import KeyPath, Problems, some
+from orchestrator.kept import kept
 from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.matching import match
@@ -121,6 +122,7 @@ def _beside(parts: Parts, laws: Laws,
     return beside, governing
 
 
+@kept
 def _near(parts: Parts, one: BodyFaces, two: BodyFaces, mine: np.ndarray,
           theirs: np.ndarray) -> Near | None:
     """Faces opposite each other among those (k,) int of either body; None: there are none.

@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.kept import Unchanging
 from orchestrator.linalg import SAME
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
@@ -99,7 +100,7 @@ class Triangles:
 
 
 @dataclass(frozen=True)
-class BodyFaces(Triangles):
+class BodyFaces(Triangles, Unchanging):
     """The outer faces of one volume in one subdomain.
 
     subdomain, volume : indices

@@ -40,6 +40,18 @@ class Solid:
     cells: np.ndarray
     outer: np.ndarray
 
+    def moved(self, displacement: np.ndarray) -> Solid:
+        """The part displaced by (n, 3)."""
+        result = Solid(self.nodes + displacement, self.cells, self.outer)
+        vars(result)["under"] = self.under
+        return result
+
+    @cached_property
+    def under(self) -> np.ndarray:
+        """(k,) int, the tet behind each outer face."""
+        faces = faces_of(self.cells[:, :4], len(self.nodes))
+        return faces.owner[faces.find(self.outer[:, :3])]
+
     @cached_property
     def boxes(self) -> tuple[np.ndarray, np.ndarray]:
         """(m, 3) lowest and highest coordinates of the tets."""
@@ -59,8 +71,7 @@ class Solid:
     @cached_property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
         """(k, 3) middles of the tets behind the outer faces, and how far (k,) these are behind."""
-        faces = faces_of(self.cells[:, :4], len(self.nodes))
-        middle = self.nodes[self.cells[faces.owner[faces.find(self.outer[:, :3])], :4]].mean(axis=1)
+        middle = self.nodes[self.cells[self.under, :4]].mean(axis=1)
         return middle, np.einsum("ki,ki->k", self.surface.corners[:, 0] - middle,
                                  self.surface.normal)
 

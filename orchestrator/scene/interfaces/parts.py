@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.kept import Unchanging
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.overlap import Hidden, hidden, Overlap, overlap, Solid
 from orchestrator.scene.interfaces.opposite import BodyFaces, outer_bodies
@@ -19,7 +20,7 @@ from orchestrator.scene.partition import Partition
 
 
 @dataclass(frozen=True)
-class Parts:
+class Parts(Unchanging):
     """A mesh cut into subdomains.
 
     mesh, faces, partition, numbering : the mesh, its faces, its subdomains, and their own numbers

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from orchestrator.kept import Unchanging
+
 # The four faces of a positively oriented tet, each oriented outward.
 LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -16,7 +18,7 @@ MAX_NODES = 2_097_151
 
 
 @dataclass(frozen=True)
-class Faces:
+class Faces(Unchanging):
     """All faces of a mesh, each once, in the order of their keys.
 
     nodes : number of corner nodes of the mesh

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.kept import Unchanging
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import PAIRS, format_point, tet_volumes
 from orchestrator.scene.shapes import Shape
@@ -47,7 +48,7 @@ class StandIn:
 
 
 @dataclass
-class Mesh:
+class Mesh(Unchanging):
     """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
 
     nodes : (n, 3) float, coordinates

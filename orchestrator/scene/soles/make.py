@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.kept import kept
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import lines_of, with_middles
@@ -90,6 +91,7 @@ def kind_for(hard: Difficulty, interface: Interface) -> str:
     return "overlap" if soft or hard.mixed_moduli[interface.index] else "symmetric"
 
 
+@kept
 def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[Sole, Sole]:
     """The soles of the first and the second side; one and the same object when ``symmetric``.
 
