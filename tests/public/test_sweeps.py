@@ -115,6 +115,20 @@ def test_a_variant_that_does_not_converge_ends_as_it_does_from_zero(tmp_path):
     assert summary["started_from"] is None and summary["stop_reason"] == "limit load"
 
 
+def test_a_sweep_is_a_table_of_pandas_where_that_is_installed(tmp_path):
+    """Numbers to compute with, a row per variant: twice the modulus, half the displacement; one that is no configuration has none."""
+    pandas = pytest.importorskip("pandas")
+    bonded = {**BAR, "interfaces": [{"law": "perfect"}]}
+    table = orchestrator.sweep(bonded, {"materials.0.young": [200e3, 400e3], "materials.0.poisson": [0.3, 0.7]}, output=tmp_path)
+    assert isinstance(table, pandas.DataFrame) and table["exit_code"].tolist() == [0, 2, 0, 2]
+    assert table["materials.0.young"].tolist() == [200e3, 200e3, 400e3, 400e3] and "poisson" in table["why"][1]
+    moved = table["peak_displacement"]
+    assert moved.dtype == float and moved.isna().tolist() == [False, True, False, True]
+    assert moved[0] == pytest.approx(2 * moved[2], rel=1e-5)
+    read = pandas.read_csv(tmp_path / "sweep.csv")
+    pandas.testing.assert_series_equal(read["peak_displacement"], moved)
+
+
 def test_load_steps_that_follow_from_others_need_no_state(tmp_path):
     """Bonded: one load step of two is solved, or both; what one variant has solved does not fit the other, which begins at zero."""
     data = {**BAR, "interfaces": [{"law": "perfect"}], "boundary": [
