@@ -231,5 +231,5 @@ def _turn(scene: Scene, i: Interface) -> np.ndarray:
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit normals of the surface that facets on points (n, 3) stand for."""
-    known = surface_of(points, triangles, np.full(len(triangles), -1)).normals
+    known = surface_of(points, triangles, -1).normals
     return unit(node_vectors(points, triangles, LUMPED_SHARES[triangles.shape[1]], known))

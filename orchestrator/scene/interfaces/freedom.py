@@ -90,8 +90,7 @@ def _curve(interface: Interface, points: np.ndarray) -> None:
     """Give an interface whose nodes are paired, at points (n, 3), the normals of the surfaces that
     its facets stand for, where these
     are known."""
-    faces = np.full(len(interface.triangles), -1)
-    known = surface_of(points, interface.triangles, faces, interface.given).normals
+    known = surface_of(points, interface.triangles, -1, interface.given).normals
     sure = np.zeros(len(points), bool)
     sure[interface.triangles[~np.isnan(known).any(axis=2)]] = True
     if sure.any():

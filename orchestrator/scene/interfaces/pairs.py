@@ -138,8 +138,7 @@ def _of_surfaces(parts: Parts, laws: Laws, candidate: Candidate,
                  for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles)]
         # of a face that is part of more, the part alone may be on a surface that is known
         triangles = surfaces.triangles[0]
-        alone = surface_of(surfaces.points[0], triangles, np.full(len(triangles), -1),
-                           under[0].normals)
+        alone = surface_of(surfaces.points[0], triangles, -1, under[0].normals)
         surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]),
                            amid=triangles.shape[1] == 6 and not candidate.entry.kind.as_one)
         interface = parts.interface(

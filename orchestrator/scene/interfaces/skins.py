@@ -164,16 +164,16 @@ def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
 
 
 @kept
-def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
+def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray | int,
                given: np.ndarray | None = None, held: np.ndarray | None = None) -> Surface:
     """The smooth surface that facets stand for.
 
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
-    face : (k,) int, the CAD face that each is on, −1 where that is not known
+    face : (k,) int, the CAD face that each is on, −1 where that is not known, or one of all
     given : (k, 3 or 6, 3) normals that are known, nan where they are not
     held : (n, 3) bool, components of nodes that are prescribed; default: none
     """
-    corners = triangles[:, :3]
+    corners, face = triangles[:, :3], np.broadcast_to(face, len(triangles))
     normal, points = facet_normals(nodes, corners)[0], nodes[corners]
     ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
     cosine = np.einsum("kvi,kvi->kv", ahead,
@@ -195,8 +195,10 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
     while waiting:
         own = waiting.pop()
         at, first = np.unique(corners[own], return_index=True)
-        found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[own].mean())
-        if found is not None:
+        # no curved surface has planes, as there are where a facet and all around it look one way
+        found = off[own].all() and recognised(nodes[at], means[own].reshape(-1, 3)[first],
+                                              off[own].mean())
+        if found:
             there = found(nodes[triangles[own]].reshape(-1, 3)).reshape(known[own].shape)
             there = there * np.sign(np.einsum("kvi,ki->kv", there, normal[own]))[:, :, None]
             told = ~np.isnan(known[own])
