@@ -54,16 +54,17 @@ def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
 
 
 def by_superlu(lower: sp.csc_array) -> Solve:
-    """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is
-    singular.
+    """SuperLU's factorisation, symmetric in its order; where rounding has made the matrix
+    indefinite, with pivots that are chosen. ``RuntimeError`` where it is singular.
     """
     columns = whole(lower)
     if columns.shape[0] < ORDERED or absent("pymetis"):
-        return symmetric_lu(columns).solve
-    order = dissection(columns)
-    lu = symmetric_lu(columns[order][:, order], "NATURAL")
-    back = np.argsort(order)
-    return lambda right: lu.solve(right[order])[back]
+        solve = symmetric_lu(columns).solve
+    else:
+        order = dissection(columns)
+        lu, back = symmetric_lu(columns[order][:, order], "NATURAL"), np.argsort(order)
+        solve = lambda right: lu.solve(right[order])[back]
+    return solve if sound(lower, solve) else sla.splu(columns).solve
 
 
 def whole(lower: sp.csc_array) -> sp.csc_array:
@@ -94,17 +95,11 @@ def regularised(matrix: sp.sparray) -> sp.csc_array:
                                                           scale.max(initial=0.0) or 1.0)))
 
 
-def semidefinite_solver(matrix: sp.sparray) -> Solve:
+def semidefinite_solver(matrix: sp.sparray, patches: bool = False) -> Solve:
     """Solver of a positive semidefinite matrix (n, n) for rows (T, n), regularised by rounding
-    where it is singular.
+    where it is singular; ``patches`` as of ``factorise``.
     """
-    if matrix.shape[0] == 0:
-        return lambda rows: np.zeros((len(rows), 0))
-    shifted = sp.tril(regularised(matrix), format="csc")
-    solve = by_cholesky(shifted) or by_superlu(shifted)
-    if not sound(shifted, solve):  # where rounding has made it indefinite, pivots have to be chosen
-        solve = sla.splu(whole(shifted)).solve
-    return by_rows(solve)
+    return factorise(regularised(matrix), patches)
 
 
 def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:

@@ -163,7 +163,7 @@ class Constraint:
         alone, diagonal = np.diff(self.matrix.indptr) == 1, self.matrix.diagonal()
         alone &= diagonal > 0
         rest = np.flatnonzero(~alone)
-        solve = semidefinite_solver(self.matrix[rest][:, rest])
+        solve = semidefinite_solver(self.matrix[rest][:, rest], patches=True)
 
         def solved(rows: np.ndarray) -> np.ndarray:
             result = ratio(rows, diagonal, alone)
