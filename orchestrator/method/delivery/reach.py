@@ -23,6 +23,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from orchestrator.laws.points import dot, norm
 from orchestrator.method.decomposition import Decomposition
@@ -143,7 +144,7 @@ class _Springs:
         return np.where(loose, np.inf, error * (shift + turn + 1 / np.sqrt(self.stiffness)))
 
     def _interfaces(self) -> Iterator[tuple[np.ndarray, slice]]:
-        return ((ends, part) for ends, (_, part) in zip(self.ends, self.pairs.each()))
+        return zip(self.ends, (part for _, part in self.pairs.each()))
 
     def _matrix(self, along: np.ndarray, weight: np.ndarray) -> sp.csr_array:
         """H of all ranks, scaled."""
@@ -166,7 +167,9 @@ class _Springs:
         team, size, found = self.bodies.team, matrix.shape[0], None
         if not team.rank:
             if size <= DENSE:
-                found = np.linalg.eigh(matrix.toarray())
+                root, loose = dpotrf((matrix - FREE * sp.eye_array(size)).toarray(), lower=True)
+                found = np.linalg.eigh(matrix.toarray()) if loose else (
+                    np.ones(size), dtrtri(root, lower=True)[0].T)
             else:
                 found = softest_modes(matrix, SOFT)
         values, vectors = team.share(found)
@@ -176,7 +179,7 @@ class _Springs:
             self.bodies.count, RIGID, -1)
         # modes that were not found are no softer than the last one that was
         rest = self.scale.reshape(-1, RIGID, 1) ** 2 * np.eye(RIGID) / max(values.max(), FREE)
-        return modes, rest if size > DENSE else np.zeros_like(rest), loose
+        return modes, rest * (size > DENSE), loose
 
     def _squares(self, along: np.ndarray, modes: np.ndarray, rest: np.ndarray) -> np.ndarray:
         """(4, P) B H⁻¹ Bᵀ of the pairs in their directions."""
@@ -198,7 +201,7 @@ def softest_modes(matrix: sp.csr_array, count: int) -> tuple[np.ndarray, np.ndar
     with the same eigenvalue, of which Lanczos' method misses some or breaks down.
     """
     n = matrix.shape[0]
-    inverse = factorise(sp.tril(matrix + FREE * sp.eye_array(n)))
+    inverse = factorise(matrix + FREE * sp.eye_array(n))
     X = scattered(np.arange(n * count)).reshape(n, count)
     for _ in range(SWEEPS):
         X = np.linalg.qr(inverse(X.T).T)[0]
