@@ -42,6 +42,8 @@ _LISTED = {
                     "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
     "scaling": ("studies.scaling:run",
                 "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "ranks": ("studies.ranks:run",
+              "grains over 1, 2, 4 ranks and two kernels of OpenBLAS: the same forces; what four ranks take, predicted"),
     "grains": ("studies.grains:run",
                "27 to 343 grains (up to 1,000 if set) pressed and sheared: iterations and seconds over their number"),
     "contact_race": ("studies.contact_race:run",

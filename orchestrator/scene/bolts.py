@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,7 +97,7 @@ def _check_whole(faces: Faces, cut: Partition, cuts: Sequence[BoltCut], problems
 
 
 def _volume(mesh: Mesh, partition: Partition, bolt: Any, path: KeyPath,
-            known: Iterable[str]) -> str:
+            known: dict) -> str:
     """Return the volume of an entry of ``bolts``.
 
     known : volumes that other entries cut
@@ -123,7 +123,7 @@ def _volume(mesh: Mesh, partition: Partition, bolt: Any, path: KeyPath,
 
 def _bonded(bolt: str, entries: Sequence[Any], names: list[str]) -> list[str]:
     """Return the volumes, of all names, that entries bond to a bolt."""
-    laws = Laws(list(entries), names)
+    laws = Laws(entries, names)
     return [name for name in names if laws[laws.foreseen([bolt], [name])].kind.perfect]
 
 

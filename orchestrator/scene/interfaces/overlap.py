@@ -8,13 +8,14 @@ Bodies between faces that look at each other: no pair reaches through another bo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.kept import kept
 from orchestrator.linalg import PLACED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, Triangles
@@ -85,6 +86,7 @@ class Overlap:
     size: float
 
 
+@kept
 def solid_of(mesh: Mesh, volume: int) -> tuple[np.ndarray, Solid]:
     """(n,) int, a volume's nodes, and the volume on these."""
     number, cells = renumbered(mesh.cells[mesh.volume == volume])
@@ -92,7 +94,8 @@ def solid_of(mesh: Mesh, volume: int) -> tuple[np.ndarray, Solid]:
     return number, Solid(mesh.nodes[number], cells, faces.triangles[faces.outer])
 
 
-def sagittas(mesh: Mesh, volumes: Iterable[int]) -> dict[int, np.ndarray]:
+@kept
+def sagittas(mesh: Mesh, volumes: Sequence[int]) -> dict[int, np.ndarray]:
     """Volume → (k,) how far the surface that its outer faces, as of ``solid_of``, stand for is off
     these.
     """
