@@ -87,7 +87,7 @@ _LISTED = {
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }
 # row by row, for ``--resume``
-KEPT = frozenset(("certified", "contact_race", "gallery", "grains", "large", "load_paths", "metamorphic", "places", "sweeps"))
+KEPT = frozenset(("certified", "contact_race", "gallery", "grains", "large", "load_paths", "metamorphic", "places", "ranks", "sweeps"))
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
 
 

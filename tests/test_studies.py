@@ -3,6 +3,7 @@
 import csv
 import inspect
 import json
+import os
 import re
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from benchmarks.problems import cases
 from benchmarks.problems.cases import defaults, paper, with_method
 from benchmarks.registry import KEPT, STUDIES, function_of, run_study
 from benchmarks.studies import (
-    accuracy, certified, falsified, faults, grains, prediction, scaling, stages)
+    accuracy, certified, falsified, faults, grains, prediction, ranks, scaling, stages)
 from orchestrator import InputError, config_from, solve
 from orchestrator.method.interface.stabilisation import ANEW
 
@@ -115,6 +116,29 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     assert "100,000 subdomains" in text and "macro problem: borders" in text and "iterations: linear stage" in text
     assert is_drawn(tmp_path / "scaling.png", saved_figures[-1])
     assert bars(saved_figures[-1]) == pytest.approx([float(row["efficiency"]) for row in table], rel=1e-5)
+
+
+def test_four_ranks_are_predicted_part_by_part_from_one_and_two():
+    """A further rank costs what the second one did, in the iterations in each of them; runs may differ in their number."""
+    known = {"codes": 7.0, "set_up": 1.0, "iterating": 20.0, "all_else": 2.0}
+    rows = [{"ranks": 1, "iterations": 10, **known}, {"ranks": 2, "iterations": 12, **known, "set_up": 1.5, "iterating": 30.0, "all_else": 2.2}]
+    assert ranks.predicted(rows, 4) == pytest.approx({"codes": 7.0, "set_up": 2.5, "iterating": 10 * (2.0 + 3 * 0.5), "all_else": 2.6})
+
+
+@pytest.mark.long
+def test_kernels_of_two_grains(tmp_path, monkeypatch, saved_figures):
+    """One rank alone, two kernels of OpenBLAS: the same fields and reactions; what was set for the study is set for its runs alone."""
+    monkeypatch.setattr(ranks, "without_ranks", lambda: "not in this test")
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Nehalem")
+    study = Study("ranks", "tiny", tmp_path)
+    ranks.run(study, ranks.Settings(counts=[2], elements=2, kernels=["Haswell", "Nehalem"]))
+    study.close()
+    table = rows_of(tmp_path / "table.csv")
+    assert [(r["kernel"], r["ranks"], r["stop_reason"]) for r in table] == [("Haswell", "1", "converged"), ("Nehalem", "1", "converged")]
+    assert float(table[0]["fields"]) == 0 and float(table[1]["fields"]) <= ranks.AGREE
+    assert all(row["cpu"] == pytest.approx(sum(row[part] for part in ranks.PARTS)) for row in study.rows)
+    assert all(target.met for target in study.targets) and os.environ["OPENBLAS_CORETYPE"] == "Nehalem"
+    assert is_drawn(tmp_path / "ranks.png", saved_figures[-1])
 
 
 @pytest.mark.long

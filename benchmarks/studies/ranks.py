@@ -3,9 +3,9 @@
 Ranks sum in another order, and kernels multiply in another one: numbers differ in their last digits from the first iteration on. Statuses
 of contact may turn them into more, as long as the tolerance allows it. Each run is the whole command in processes of its own.
 
-Fields are compared in energy, max_t ‖u − v‖ / max_t ‖v‖ over all bodies: the distance of the forces on each body as well, in the dual norm.
-Along lines where three bodies meet forces may go round in circles, which no body feels: what an interface has of them is not unique. The
-interfaces' resultants are told beside it.
+Resultants of interfaces are compared load step by load step, and fields in energy, ‖u − v‖ / max_t ‖v‖ over all bodies: the distance of
+the forces on each body as well, in the dual norm. With friction neither is unique where three bodies meet at a line: forces go round it in
+circles that no body feels, and move the limits of friction there. What one load step leaves open is history to the next ones.
 
 CPU seconds of four ranks are predicted from the runs with one and two, part by part: a further rank costs what the second one did,
 
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, whole_command, without_ranks
 from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, panels
@@ -36,7 +36,7 @@ from benchmarks.problems.cases import with_method
 from benchmarks.studies.grains import Sides, problem
 from orchestrator import build_scene, config_from, Scene, Solution
 
-AGREE = 1e-6  # relative, by which fields may differ in energy, and reactions
+AGREE = 1e-6  # relative, by which forces and fields may differ
 OFF, ALONE = 0.2, 0.5  # how far the prediction may be off; others' load up to which wall seconds tell something of it
 FROM, TO = (1, 2), 4  # ranks that costs come from, and that are predicted
 FORCES = ("fx", "fy", "fz")
@@ -52,6 +52,7 @@ class Settings(Keys):
     sides: Annotated[list[Sides], Field(min_length=1)] = Field(["rollers"], description="free, or rollers")
     seed: NonNegativeInt = Field(1, description="of the grains' centres")
     elements: PositiveFloat = Field(3.0, description="elements across a grain")
+    friction: NonNegativeFloat = Field(0.3, description="coefficient of friction")
     tolerance: PositiveFloat = Field(1e-7, description="of the energy error")
     ranks: Annotated[list[PositiveInt], Field(min_length=1)] = Field([1, 2, 4], description="MPI ranks")
     kernels: Annotated[list[str], Field(min_length=1)] = Field(["Haswell", "SkylakeX"], description=(
@@ -60,13 +61,13 @@ class Settings(Keys):
 
 def run(study: Study, settings: Settings = Settings()) -> None:
     """A row for each run; agreement and prediction for each scene."""
-    study.columns = ("grains", "sides", "kernel", "ranks", "dofs_decomposed", "stop_reason", "iterations", "error_bound", "fields", "reactions",
-                     "interfaces", "seconds", "cpu", "others", *PARTS)
+    study.columns = ("grains", "sides", "kernel", "ranks", "dofs_decomposed", "stop_reason", "iterations", "error_bound", "forces", "fields",
+                     "reactions", "seconds", "cpu", "others", *PARTS)
     missing = without_ranks()
     if missing is not None:
         study.console.print(f"  runs over ranks are left out: {missing}")
     for count, sides in product(settings.counts, settings.sides):
-        config = with_method(problem(count, settings.seed, settings.elements, sides=sides),
+        config = with_method(problem(count, settings.seed, settings.elements, friction=settings.friction, sides=sides),
                              {"max_iterations": 400, "tolerance": {"error": settings.tolerance}})
         config |= {"output": {"figures": False}, "blackbox": {"workers": 1}}
         scene = build_scene(config_from(config))
@@ -77,7 +78,7 @@ def run(study: Study, settings: Settings = Settings()) -> None:
             row = {"grains": count, "sides": sides, "kernel": kernel, "ranks": ranks, "folder": str(study.folder / name), **found}
             rows.append(row | differences(scene, row, rows[0] if rows else row))
             study.note(rows[-1], f"{count} grains, {sides}, {kernel}, {ranks} rank(s): {row['iterations']} iterations, {row['stop_reason']}, "
-                                 f"fields differ by {rows[-1]['fields']:.1e}, {row['cpu']:.1f} CPU s")
+                                 f"forces differ by {rows[-1]['forces']:.1e}, {row['cpu']:.1f} CPU s")
         _judge(study, f"{count} grains, {sides}", rows)
     study.figure(_picture(study.rows))
 
@@ -102,20 +103,23 @@ def _measured(study: Study, name: str, config: dict[str, Any], kernel: str, rank
             "others": round(others, 1), **parts_of(summary, cpu_of_children() - begin)}
 
 
-def forces_of(table: Path) -> np.ndarray:
-    """(interfaces × load steps, 3) resultant forces of a run, in the order of its table."""
-    with table.open(encoding="utf-8", newline="") as file:
-        return np.array([[float(row[key]) for key in FORCES] for row in csv.DictReader(file)])
+def forces_of(folder: str) -> np.ndarray:
+    """(load steps, interfaces, 3) resultant forces of a run, in the order of its table."""
+    with (Path(folder) / "interfaces.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    steps = sorted({int(row["load_step"]) for row in rows})
+    return np.array([[[float(row[key]) for key in FORCES] for row in rows if int(row["load_step"]) == step] for step in steps])
 
 
-def differences(scene: Scene, one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
-    """How far two runs' fields are apart, in energy, their reactions, and resultants of their interfaces, relative to the largest."""
+def differences(scene: Scene, one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """How far two runs are apart: interfaces' resultants, fields in energy and reactions, each over the largest of all load steps; and the
+    resultants of each load step."""
     u, v = (Solution.read(row["folder"]) for row in (one, other))
     far = energy(scene, [a - b for a, b in zip(u.sides, v.sides)]).max() / energy(scene, v.sides).max()
-    each = {"reactions": (u.reactions, v.reactions),
-            "interfaces": tuple(forces_of(Path(row["folder"]) / "interfaces.csv") for row in (one, other))}
-    return {"fields": float(np.sqrt(far))} | {
-        name: float(np.abs(a - b).max() / np.abs(b).max()) for name, (a, b) in each.items()}
+    a, b = (forces_of(row["folder"]) for row in (one, other))
+    steps = np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max()
+    return {"forces": float(steps.max()), "forces_by_step": steps.tolist(), "fields": float(np.sqrt(far)),
+            "reactions": float(np.abs(u.reactions - v.reactions).max() / np.abs(v.reactions).max())}
 
 
 def parts_of(summary: Mapping[str, Any], cpu: float) -> dict[str, float]:
@@ -137,11 +141,12 @@ def predicted(rows: Rows, ranks: int) -> dict[str, float]:
 
 def _judge(study: Study, what: str, rows: Rows) -> None:
     if len(rows) > 1:
-        for key, told in (("fields", "fields in energy, and forces on bodies"), ("reactions", "reactions")):
+        for step, values in enumerate(zip(*(row["forces_by_step"] for row in rows)), 1):
+            study.target(f"{what}: forces of interfaces at load step {step}, {len(rows)} runs", f"within {AGREE:g}",
+                         f"{max(values):.1e}", max(values) <= AGREE)
+        for key, told in (("fields", "fields, in energy"), ("reactions", "reactions")):
             worst = max(row[key] for row in rows)
-            study.target(f"{what}: {told}, of {len(rows)} runs", f"within {AGREE:g}", f"{worst:.1e}", worst <= AGREE)
-        study.target(f"{what}: resultants of interfaces, which three bodies at a line share in many ways", "told",
-                     f"{max(row['interfaces'] for row in rows):.1e}", True)
+            study.target(f"{what}: {told}, {len(rows)} runs", f"within {AGREE:g}", f"{worst:.1e}", worst <= AGREE)
         ends = sorted({row["stop_reason"] for row in rows})
         study.target(f"{what}: how they end", "alike", ", ".join(ends), ends == ["converged"])
     for kernel in dict.fromkeys(row["kernel"] for row in rows):
@@ -166,9 +171,9 @@ def _picture(rows: Rows):
     below = np.zeros(len(rows))
     for part, colour in zip(PARTS, (BLUE, GREEN, ORANGE, GREY)):
         values = np.array([row[part] for row in rows])
-        left.bar(names, values, bottom=below, color=colour, label=part)
+        left.bar(names, values, 0.5, below, color=colour, label=part)
         below += values
-    right.bar(names, [row["iterations"] for row in rows], color=BLUE)
+    right.bar(names, [row["iterations"] for row in rows], 0.5, color=BLUE)
     for axes, title in ((left, "CPU seconds"), (right, "iterations")):
         axes.set_title(title, fontsize=10)
         axes.tick_params(axis="x", labelsize=6)

@@ -10,12 +10,17 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from benchmarks.kit.commands import CONVERGED, CORES, cpu_of_children, shares, whole_command, without_ranks
 from benchmarks.kit.drawing import BLUE, BROWN, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, panels
+from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.problems.cases import STEEL
+from benchmarks.studies import ranks as over_ranks
+from benchmarks.studies.grains import Sides, USUAL
 from benchmarks.studies.prediction import (
     BANDWIDTH,
     FIELDS,
@@ -61,8 +66,18 @@ def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
     }
 
 
-def run(study: Study, elements: int = ELEMENTS, repeats: int = REPEATS) -> None:
+class Settings(Keys):
+    """What is solved."""
+
+    grains: list[Annotated[int, Field(ge=2)]] = Field([], description="numbers of grains in contact, in place of cubes: see `study ranks`")
+    sides: list[Sides] = Field(["rollers", "free"], description="of grains: what holds the sides of their cube")
+
+
+def run(study: Study, elements: int = ELEMENTS, repeats: int = REPEATS, settings: Settings = Settings()) -> None:
     """All rows, the targets, the prediction and the figure."""
+    if settings.grains:
+        over_ranks.run(study, over_ranks.Settings(counts=settings.grains, sides=settings.sides, kernels=[""], tolerance=USUAL))
+        return
     study.columns = COLUMNS
     missing = without_ranks()
     rows = [("strong", STRONG, 1, 1), ("strong", STRONG, 1, 2), ("weak", (1, 2, 2), 1, 1), ("weak", STRONG, 1, 2)]
