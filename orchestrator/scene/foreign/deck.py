@@ -18,10 +18,10 @@ from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.surfaces import forgotten, holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.readers.inp import place, solid_nodes, SOLIDS
+from orchestrator.scene.mesh.readers.inp import solid_nodes, SOLIDS
 from orchestrator.scene.mesh.readers.inp_cards import (
     cards, cards_of_a_model, heading, Inclusion, numbers, CardLine)
-from orchestrator.scene.mesh.readers.inp_model import InpModel, outer
+from orchestrator.scene.mesh.readers.inp_model import InpModel, outer, place
 from orchestrator.scene.mesh.readers.splitting import CORNERS, EDGES, SIDES
 
 # CalculiX has none

@@ -10,7 +10,6 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 import scipy.sparse as sp
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
@@ -21,7 +20,7 @@ from orchestrator.scene.foreign.condensed import check_modulus, condense, Conden
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints
 from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
 from orchestrator.scene.mesh.checks import check_memory
-from orchestrator.scene.mesh.readers.inp import place
+from orchestrator.scene.mesh.readers.inp_model import place
 from orchestrator.scene.number_table import NumberTable
 
 
@@ -224,12 +223,14 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
 
 
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
+    from scipy.io import mminfo, mmread  # such parts alone need it
+
     try:
-        rows, columns, entries, *_ = scipy.io.mminfo(file)
+        rows, columns, entries, *_ = mminfo(file)
         check_memory(ENTRY * max(entries, rows + columns), path,
                      f"{file}, of {rows:,} × {columns:,} with {entries:,} entries",
                      "condense it to the joint")
-        K = scipy.io.mmread(file)
+        K = mmread(file)
     except (OSError, ValueError, TypeError, OverflowError) as error:
         raise wrong(path, f"{file}: {str(error) or type(error).__name__}",
                     "a matrix in MatrixMarket's format",

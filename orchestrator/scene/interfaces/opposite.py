@@ -157,8 +157,6 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
         ``spheres``
     cosine : between their normals it is below this
     """
-    from scipy.spatial import cKDTree  # only scenes of several parts need it
-
     if not len(one.area) or not len(two.area):
         return
     a, b = one.within(two.box, reach.max()), two.within(one.box, reach.max())
@@ -167,6 +165,8 @@ def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = 
     ends = [np.stack([n.min(axis=0), n.max(axis=0)]) for n in (one.normal[a], two.normal[b])]
     if (ends[0][:, None] * ends[1]).min(axis=(0, 1)).sum() >= cosine:
         return  # none look at each other
+    from scipy.spatial import cKDTree  # only scenes of parts that do need it
+
     x, y, near, room = one.centre[a], two.centre[b], reach[a], np.zeros(len(b))
     number = np.zeros(len(b), dtype=int)
     if spheres:

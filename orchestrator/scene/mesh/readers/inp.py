@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.readers.inp_cards import (
     Card, cards_of_a_model, PER_SCOPE, problem, CardLine)
-from orchestrator.scene.mesh.readers.inp_model import InpModel, outer
+from orchestrator.scene.mesh.readers.inp_model import InpModel, outer, place
 from orchestrator.scene.mesh.readers.splitting import SIDES
 
 # meshio's words of solid elements, by number of nodes
@@ -215,15 +215,6 @@ def _upper(cards: list[Card], card: str) -> set[str]:
     """Names of the element sets that cards of a keyword have, in capitals."""
     return {(rows[0].scope.prefix + options.get("ELSET", "")).upper()
             for own, options, rows in cards if own == card}
-
-
-def place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Places of numbers among ``ids`` (n,); -1 of what is none of them."""
-    if not len(ids):
-        return np.full(np.shape(wanted), -1)
-    order = np.argsort(ids, kind="stable")
-    at = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
-    return np.where(ids[at] == wanted, at, -1)
 
 
 def _shape(kind: str, row: CardLine) -> tuple[str, int]:

@@ -119,3 +119,12 @@ def outer(faces: np.ndarray) -> np.ndarray:
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
                                 return_counts=True)
     return faces[np.sort(first[count == 1])]
+
+
+def place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Places of numbers among ``ids`` (n,); -1 of what is none of them."""
+    if not len(ids):
+        return np.full(np.shape(wanted), -1)
+    order = np.argsort(ids, kind="stable")
+    at = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
+    return np.where(ids[at] == wanted, at, -1)
