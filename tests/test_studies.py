@@ -20,6 +20,7 @@ from benchmarks.kit.study import Case, Study, first
 from benchmarks.problems import cases
 from benchmarks.problems.cases import defaults, paper, with_method
 from benchmarks.registry import KEPT, STUDIES, function_of, run_study
+from benchmarks.studies.rivals.layers import LAYERS, layers_of
 from benchmarks.studies import (
     accuracy, certified, falsified, faults, grains, prediction, ranks, scaling, stages)
 from orchestrator import InputError, config_from, solve
@@ -57,6 +58,14 @@ def test_unknown_name():
         run_study("fig6")
     done = call("study", "fig6")
     assert done.exit_code == 2 and "study 'fig6'" in done.stderr
+
+
+def test_layers_hold_all_stages_of_a_run():
+    timing = solve(config_from(tiny())).summary["timing"]
+    assert set(timing) - {"total", "blackbox"} <= {stage for stages in LAYERS.values() for stage in stages}
+    found = layers_of(timing, timing["total"] + 1.0)
+    assert sum(found[layer] for layer in LAYERS) == pytest.approx(found["in all"] - found["rest"])
+    assert found["rest"] >= 1.0 and found["iterations, delivery"] > 0
 
 
 @pytest.mark.long

@@ -157,6 +157,11 @@ class Study:
             [number, *values] for number, history in enumerate(self.histories, 1) if history
             for values in zip(*(history[q].tolist() for q in QUANTITIES))))
 
+    def beside(self, name: str, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Print a second table, of rows with the same keys, and write it to NAME.csv."""
+        print_table(self.console, title, rows, ())
+        _csv(self.folder / f"{name}.csv", list(rows[0]), (list(row.values()) for row in rows))
+
     def figure(self, figure: Any, name: str = "", **how: Any) -> None:
         """Write a figure of matplotlib as PNG, by the study's name unless another is given; ``how``: see ``finished``."""
         (self.folder / (name or f"{self.name}.png")).write_bytes(finished(figure, **how))

@@ -26,6 +26,7 @@ from benchmarks.kit.study import ACCURATE, Study
 from benchmarks.problems.cases import beam, cube
 from benchmarks.problems.cubes import named
 from benchmarks.studies import in_one_piece
+from benchmarks.studies.rivals.layers import layers_of, layers_of_rival, tell
 from benchmarks.studies.rivals.rivals import RIVALS, Written, compete, present, write_problem
 from orchestrator import BlackBoxError
 
@@ -83,11 +84,13 @@ class Bench:
     Attributes
     ----------
     rows : so far, of this study's own parts
+    layers : of the rivals' cubes, pipeline → where its seconds go
     """
 
     def __init__(self, study: Study, settings: Settings):
         self.study, self.settings = study, settings
         self.rows: list[dict[str, Any]] = []
+        self.layers: dict[str, dict[str, float]] = {}
 
     def row(self, name: str, asked: Mapping[str, Any], labels: Mapping[str, Any], measure) -> dict[str, Any]:
         """A row, kept or measured.
@@ -100,7 +103,9 @@ class Bench:
             others = round(os.getloadavg()[0], 1)
             return {**labels, **measure(), "others": others}
 
-        row = self.study.kept(f"row-{name}", asked, measured)
+        row = dict(self.study.kept(f"row-{name}", asked, measured))
+        if (layers := row.pop("layers", None)) and row["part"] == "rivals":
+            self.layers[f"{row['case']}, {row['method']}"] = layers
         self.rows.append(row)
         self.study.note(row, told(row))
         return row
@@ -118,7 +123,7 @@ class Bench:
             return {"dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": summary["iterations"],
                     "stop_reason": summary["stop_reason"], "failed": not summary["converged"],
                     "bound": summary["error_bound"], "energy": max(summary["energy"]),
-                    "codes": codes_seconds(summary), "seconds": seconds,
+                    "codes": codes_seconds(summary), "seconds": seconds, "layers": layers_of(summary["timing"], seconds),
                     "cpu_seconds": cpu_of_children() - begin, "memory_mb": round(summary["memory_peak_mb"])}
 
         name = f"{part}-{case}-{'unlike' if method == UNLIKE else 'ours'}".replace(" ", "-").replace("³", "")
@@ -151,6 +156,8 @@ def rivals(bench: Bench) -> None:
                             {"part": "rivals", "case": case, "method": rival.label},
                             lambda rival=rival: _competing(rival, problem(), settings)) for rival in here]
         judge(study, case, found, others, better)
+    if bench.layers:
+        tell(study, bench.layers)
     hard = [case for case in settings.cases if case not in ("easy", "squeezed")]
     if len(hard) > 1 and here:
         study.target("hard cubes on which ours takes no longer than the best rival", f"at least {len(hard) - 1} of {len(hard)}",
@@ -164,6 +171,7 @@ def _competing(rival, problem: Written, settings: Settings) -> dict[str, Any]:
            "stop_reason": "solved" if answer["solved"] else answer["failure"]}
     if answer["solved"]:
         row |= {"iterations": answer["iterations"], "energy": answer["energy"], "seconds": before + answer["seconds"],
+                "layers": layers_of_rival(problem.mesh, problem.assembly, answer["set_up"], answer["seconds"]),
                 "assembly": problem.assembly, "cpu_seconds": before + answer["cpu_seconds"], "memory_mb": round(answer["memory_mb"])}
     return row
 
