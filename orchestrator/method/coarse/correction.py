@@ -14,8 +14,8 @@ and y makes the forces agree with the laws on these fields, load step after load
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
 A few linearised steps (``linear_step``) do in nearly all iterations. The nonlinear problem is
-solved (``problem``) in the first one, and where steps do not bring ρ to a tenth. U is made
-orthonormal in k. It costs no back-substitution per iteration.
+solved (``problem``) in the first one, and later in those load steps alone where linear steps do not
+bring ρ to a tenth. U is made orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
@@ -158,45 +158,40 @@ class CoarseCorrection:
         return self._steps
 
     def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
-        """(T, bodies, n) y, and the y where springs that begin anew carry nothing."""
+        """(T, bodies, n) y, and the y where springs that begin anew carry nothing: linear steps,
+        and the nonlinear problem in the load steps where these do not do.
+        """
         resultant, at = self._of_all(self._resultants(fields.f)).swapaxes(0, 1), self.pairs.traces(
             *fields.extended)
-        F0 = at.predicted()
-        y = self._linear(fields, at, F0, resultant) if self.begun else None
-        self.begun = True
-        if y is not None:
-            return y, y
+        F0, local, before = at.predicted(), self.local, self.predict.before
         y, from_y = np.zeros((2, *resultant.shape))
-        before, radius = self.predict.before, None if self.radius is None else np.where(
-            self.loose, self.radius, np.inf)
-        for t, number in enumerate(self.predict.pairs.numbers):
-            given = t, number, F0[t], resultant[t], before
-            if self.anew:
-                y[t], F, anchor, from_y[t] = self.problem.rest(*given, at.jump[t])
-            else:
-                (y[t], F), anchor = self.problem.solve(*given, radius), before.jump
-            answer = self.pairs.force(F, before, number)
-            before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
-        return y, from_y
-
-    def _linear(self, fields: Admissible, at: PointTraces, F0: np.ndarray,
-                resultant: np.ndarray) -> np.ndarray | None:
-        """(T, bodies, n) y of linear steps; None where they do not do in some load step."""
-        before, local, y = self.predict.before, self.local, np.zeros(resultant.shape)
         nodes, _ = local.meeting(*fields.extended,
                                  at.jump[:, :, : len(local.pairs)] if self.anew else None)
         for t, number in enumerate(self.predict.pairs.numbers):
             anchor = at.jump[t] if self.anew else before.jump
             step = NodeStep(self.steps, t, number, F0[t], resultant[t], before, anchor, nodes)
-            taken = step.taken()
-            if not taken:
-                return None
-            self.problem.newton_steps += taken
-            self.problem.ended(t, "tolerance", np.linalg.norm(step.rho), step.start)
-            y[t], before = step.y, step.after
+            taken = step.taken() if self.begun else 0
+            if taken:
+                self.problem.newton_steps += taken
+                self.problem.ended(t, "tolerance", np.linalg.norm(step.rho), step.start)
+                y[t] = from_y[t] = step.y
+            else:
+                y[t], from_y[t] = self._placed((t, number, F0[t], resultant[t], before), anchor)
+                step.residual(y[t])
+            before = step.after
             if nodes is not None:
                 nodes.before = nodes.after
-        return y
+        self.begun = True
+        return y, from_y
+
+    def _placed(self, given: tuple[int, int, np.ndarray, np.ndarray, History],
+                anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(bodies, n) y of the nonlinear problem of a load step, and that where springs carried
+        nothing."""
+        if self.anew:
+            return self.problem.rest(*given, anchor)
+        radius = None if self.radius is None else np.where(self.loose, self.radius, np.inf)
+        return self.problem.solve(*given, radius)[0], np.zeros_like(given[3])
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:

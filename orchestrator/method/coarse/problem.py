@@ -90,29 +90,29 @@ class CoarseProblem:
         return run.y, at.forces(run.y)
 
     def rest(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-             anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The same where springs begin anew, and where they carried nothing in the end: the jumps
-        (3, P), and the fields (bodies, n).
+             anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same where springs begin anew, and the y (bodies, n) where they carried nothing in
+        the end.
 
         anchor : (3, P) jumps at which they carry nothing to begin with
         """
         y = yj = np.zeros((self.fields.count, self.fields.size))
-        F, stays, start, size, goal = F0, anchor, 0.0, 0.0, self.goal
+        start, size, goal = 0.0, 0.0, self.goal
         for rung in range(len(RUNGS)):
             bodies = self._with_springs(rung)
-            at = LoadStep(bodies, number, F0, resultant, before, stays)
+            at = LoadStep(bodies, number, F0, resultant, before, anchor)
             run, end = self._newton(at, y, goal, self.most)
             if rung and end != "tolerance":  # bodies are at rest with the springs before
                 break
             if not rung:
                 start, goal = run.start, max(goal, self.reduction * run.start)
-            y, yj, F, size, anchor = run.y, y, at.forces(run.y), run.size, stays
+            y, yj, size = run.y, y, run.size
             if end != "tolerance":
                 break
-            pairs = bodies.fields.pairs
-            stays = pairs.settled(pairs.force(F, before, number).force, F, anchor)[1]
+            F, pairs = at.forces(y), bodies.fields.pairs
+            anchor = pairs.settled(pairs.force(F, before, number).force, F, anchor)[1]
         self.ended(step, end, size, start)
-        return y, F, anchor, yj
+        return y, yj
 
     def ended(self, step: int, end: str, size: float, start: float) -> None:
         self.ends[end] = self.ends.get(end, 0) + 1
