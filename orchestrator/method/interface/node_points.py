@@ -5,7 +5,8 @@ alone. With N the sums over the traces of a body's node, and k⁺ of each trace,
 
     f_b = N f,    C = (N k⁺ Nᵀ)⁻¹,    d = B Nᵀ (w_b − C f_b) − S q,    S = B Nᵀ C N Bᵀ
 
-are the jumps d of points under their forces q. Of the nodes of other ranks' bodies a rank knows B
+are the jumps d of points under their forces q. C is zero where a support holds a component, which
+no force moves. Of the nodes of other ranks' bodies a rank knows B
 alone; what they lack, ``node_visits`` brings.
 """
 
@@ -35,7 +36,8 @@ class NodePoints:
     C : (M, 3, 3) compliance of the nodes, zero where another rank knows it
     own : (M,) bool, nodes of this rank's bodies
     mine : (P,) bool, points that this rank tells others of
-    apart : (P,) bool, points of interfaces whose nodes do not match
+    apart : (P,) bool, points where S is not 1/keq though no other shares their nodes: of interfaces
+        whose nodes do not match, and where a support holds one side in a component that is free
     between : (P,) bool, points of interfaces between ranks
     laws : what the points answer
     slid : (3, P) what B w lacks of their jumps
@@ -64,9 +66,11 @@ class NodePoints:
         N = sp.csr_array((np.ones(len(row)), (row, dofs[there])),
                          shape=(3 * M, pairs.transfer.total))
         own = np.isin(name[:, 0], space.subdomains)
-        K = np.zeros((M, 3, 3))
+        K, held = np.zeros((M, 3, 3)), np.zeros((M, 3), bool)
         np.add.at(K, number, inverses(blocks, np.einsum("nii->ni", blocks) > 0))
-        C = np.where(own[:, None, None], inverses(K, np.einsum("nii->ni", K) > 0), 0.0)
+        held.flat[row] = space.held_everywhere[dofs[there]]
+        C = np.where(own[:, None, None],
+                     inverses(K, (np.einsum("nii->ni", K) > 0) & ~held), 0.0)
         counts = np.diff(pairs.bounds)
 
         def each(values: list, kind: type) -> np.ndarray:
@@ -77,8 +81,11 @@ class NodePoints:
                                  np.arange(len(pairs)) - np.repeat(pairs.bounds[:-1], counts)])
         place = np.flatnonzero(each([i.law.pairwise for i in pairs.interfaces], bool))
         B = sp.csr_array(pairs.transfer.B @ N.T)[rows_of(place, len(pairs))]
-        flags = (pairs.mine, each([i.mortar is not None for i in pairs.interfaces], bool),
-                 each([not here.issuperset(i.subdomains) for i in pairs.interfaces], bool))
+        one_sided = (abs(B) @ held.ravel()).reshape(3, -1).any(axis=0)
+        apart = each([i.mortar is not None for i in pairs.interfaces], bool)
+        apart[place] |= one_sided
+        between = each([not here.issuperset(i.subdomains) for i in pairs.interfaces], bool)
+        flags = pairs.mine, apart, between
         slid = np.zeros((3, len(place))) if pairs.slid is None else pairs.slid[:, place]
         sums = sp.csr_array(N[:, : space.size])
         return cls(point[place], name, place, sp.csr_array(B), C, own, *(x[place] for x in flags),
