@@ -76,6 +76,28 @@ def test_a_body_feels_the_same(eight):
     np.testing.assert_allclose(answered.f, shared.f, atol=1e-9 * np.abs(shared.f).max())
 
 
+def test_a_node_that_a_support_holds_gives_no_way():
+    """Where a support holds one body and not the one beside it, the local stage moves the other alone."""
+    cube = {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}
+    made = config_from({
+        "name": "held", "blackbox": IN_PROCESS, "subdomains": "groups",
+        "parts": [{"name": "low", "mesh": cube}, {"name": "top", "mesh": cube, "move": {"translate": [0, 0, 1]}}],
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "low/xmax", "displacement": [0, None, None]},
+                     {"on": "top/zmax", "displacement": [6e-4, 0, -1e-3]}]})
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        fields, held = rough(d), d.space.held_everywhere
+        w = d.local(fields).hats[0]
+        both = d.local.pairs.nodes.there & held
+        assert both.any() and (d.local.pairs.nodes.there & ~held).any()
+        np.testing.assert_array_equal(w[:, both], fields.w[:, both])
+        moved = d.local.pairs.nodes.there & ~held
+        assert np.abs(w - fields.w)[:, moved].min(axis=1).max() > 0
+
+
 class Pushing(Law):
     """Each pair pushes with more than it is pushed with, and with more than the pair before."""
 
