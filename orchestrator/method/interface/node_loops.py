@@ -1,5 +1,5 @@
-"""Groups of a few points in contact, compiled: Newton's method and steps along what is left,
-as ``node_newton`` has them, and what the coarse problem's fields change.
+"""Groups of a few points in contact, compiled: Newton's method, and anew from further along
+what is left, as ``node_newton`` has it, and what the coarse problem's fields change.
 
 A group is worked on to its end before the next one, by dense matrices: r = q − law(q + keq (b − S
 q)) has three numbers a point. To be imported where it is used: it takes the compiler along.
@@ -138,27 +138,6 @@ def newton(a, b, felt, given, enough, rounds, effort, q, room):
     return size
 
 
-@fast
-def ahead(a, b, felt, given, strides, same, q, room):
-    """Move q (3, R) at the points from a to b along what is left of the laws, twice as far in each
-    step as long as that stays as it is; whether it does to the end.
-    """
-    F, force, status, r, last = room[:5]
-    stride, before = 1.0, np.inf
-    last[:, a:b] = 0.0
-    for _ in range(strides):
-        size, common = left(a, b, felt, given, q, F, force, status, r), 0.0
-        for c in range(3):
-            for p in range(a, b):
-                common += r[c, p] * last[c, p]
-        stride, before = 2.0 * stride if common > same * size * before else 1.0, size
-        for c in range(3):
-            for p in range(a, b):
-                last[c, p] = r[c, p]
-                q[c, p] -= stride * r[c, p]
-    return stride == 2.0 ** (strides - 1)
-
-
 @compiled
 def answered(start, stop, groups, given, enough, effort, tries, q, size):
     """Improve q (3, R), and write ‖r‖ (n,), of the groups from start to stop.
@@ -170,11 +149,10 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
         springs carry nothing, ε, and which components are free
     enough : (n,) what may be left of ‖r‖
     effort : shifts, lengths and what a step has to save
-    tries : Newton steps, how often they begin anew, steps along what is left in between, and the
-        cosine of what stays as it is
+    tries : Newton steps, and from how many places further along what is left they begin anew
     """
     bounds, places, matrices = groups
-    (rounds, repeats, strides, same), count, most = tries, q.shape[1], 0
+    (rounds, repeats), count, most = tries, q.shape[1], 0
     for g in range(start, stop):
         most = max(most, bounds[g + 1] - bounds[g])
     work = np.empty((7, 3, count))
@@ -188,16 +166,15 @@ def answered(start, stop, groups, given, enough, effort, tries, q, size):
         size[g] = newton(a, b, felt, given, enough[g], rounds, effort, q, room)
         if size[g] <= enough[g]:
             continue
-        moved[:, a:b] = q[:, a:b]
+        stuck, along, far = q[:, a:b].copy(), room[4][:, a:b].copy(), 1.0
         for _ in range(repeats):
-            steady = ahead(a, b, felt, given, strides, same, moved, room)
-            kept = moved[:, a:b].copy()
+            moved[:, a:b] = stuck - far * along
             found = newton(a, b, felt, given, enough[g], rounds, effort, moved, room)
             if found < size[g]:
                 size[g], q[:, a:b] = found, moved[:, a:b]
-            if steady or found <= enough[g]:
+            if found <= enough[g]:
                 break
-            moved[:, a:b] = kept
+            far *= 2.0
 
 
 @compiled

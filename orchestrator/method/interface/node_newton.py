@@ -2,11 +2,11 @@
 
     r(q) = q − law(q + keq (b − S q)) = 0,    J = 1 − (1 − δ) A (1 − keq S),    A = ∂law/∂F
 
-Where friction folds the branch away that the forces came from, no step lowers ‖r‖: r stays as it is
-wherever forces go along it. There they go along it, twice as far each time, until it changes, and
-Newton's method begins anew. A residual that never changes belongs to bodies that are wedged around
-a node: all stick, and the jumps at which they do so do not add up to nothing. Then no forces obey
-the laws, and those that are nearest are taken.
+Where friction folds the branch away that the forces came from, no step lowers ‖r‖: r stays nearly
+as it is wherever forces go along it. There Newton's method begins anew from places along r, each
+twice as far as the one before. Where none leads to an answer bodies are wedged around a node: all
+stick, and the jumps at which they do so do not add up to nothing. Then no forces obey the laws, and
+those that are nearest are taken.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ LESS = 0.05  # of what is left, times the length: what a step has to save
 # Shifts δ, tried in turn where a step saves nothing: with friction J may be singular on the way.
 SHIFTS = np.array([1e-6, 1e-3, 3e-2, 3e-1])
 ROUNDS = 12  # steps
-# Steps along r between two of Newton's, how often, and the cosine of two r that are the same.
-STRIDES, REPEATS, SAME = 80, 60, 0.9
+REPEATS = 50  # places along r: the last is farther than any force is over what double precision tells
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ def solved(question: Question, q: np.ndarray,
     """
     q, size = q.copy(), np.empty(len(question.enough))
     if len(contact.order):
-        effort, tries = (SHIFTS, np.array(LENGTHS), LESS), (ROUNDS, REPEATS, STRIDES, SAME)
+        effort, tries = (SHIFTS, np.array(LENGTHS), LESS), (ROUNDS, REPEATS)
         q[:, contact.order], size[contact.quick] = contact.answered(question, q, effort, tries)
     others = ~contact.quick
     if others.any():
@@ -112,14 +111,13 @@ def solved(question: Question, q: np.ndarray,
 def _others(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same of groups that no loop answers."""
     q, size = _newton(question, q)
-    moved, steady = q.copy(), np.zeros(len(size), bool)
-    for _ in range(REPEATS):
-        open_ = (size > question.enough) & ~steady
+    stuck, along = q.copy(), question.residual(q)
+    for number in range(REPEATS):
+        open_ = size > question.enough
         if not open_.any():
             break
         at, few = question.some(open_)
-        moved[:, at], steady[open_] = _ahead(few, moved[:, at])
-        found, left = _newton(few, moved[:, at])
+        found, left = _newton(few, stuck[:, at] - 2.0**number * along[:, at])
         better = (left < size[open_])[few.group]
         q[:, at[better]] = found[:, better]
         size[open_] = np.minimum(left, size[open_])
@@ -151,18 +149,3 @@ def _newton(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             left, few = few.some(~good)
             at, step = at[left], step[:, left]
     return q, size
-
-
-def _ahead(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return forces (3, R) moved along what is left, twice as far in each step as long as that
-    stays as it is, and where it does to the end (n,) bool.
-    """
-    count = len(question.enough)
-    stride, before, last = np.ones(count), np.zeros_like(q), np.full(count, np.inf)
-    for _ in range(STRIDES):
-        r = question.residual(q)
-        size = question.size(r)
-        common = np.bincount(question.group, (r * before).sum(axis=0), count)
-        stride = np.where(common > SAME * size * last, 2 * stride, 1.0)
-        q, before, last = q - stride[question.group] * r, r, size
-    return q, stride == 2.0 ** (STRIDES - 1)
