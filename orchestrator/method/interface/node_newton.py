@@ -28,7 +28,7 @@ LESS = 0.05  # of what is left, times the length: what a step has to save
 # Shifts δ, tried in turn where a step saves nothing: with friction J may be singular on the way.
 SHIFTS = np.array([1e-6, 1e-3, 3e-2, 3e-1])
 ROUNDS = 12  # steps
-REPEATS = 50  # places along r: the last is farther than any force is over what double precision tells
+REPEATS = 50  # places along r: the last is as far as forces are beyond their last digit
 
 
 @dataclass(frozen=True)
