@@ -17,7 +17,7 @@ from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.history import HistoryWriter, read_history, write_history
-from orchestrator.results.summary.summary import write_summary
+from orchestrator.results.summary.summary import jsonable, write_summary
 
 
 def the_problem(caught):
@@ -264,3 +264,8 @@ def test_history_finds_its_lines_again(tmp_path):
         (folder / "history.csv").unlink()
         writer.complete()
     np.testing.assert_array_equal(read_history(tmp_path)["iteration"], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize("value", [np.float32("nan"), np.float64("inf"), np.array(np.nan), float("-inf")])
+def test_what_is_no_number_is_null_in_json(value):
+    assert jsonable({"a": [value]}) == {"a": [None]}

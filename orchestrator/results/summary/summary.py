@@ -98,10 +98,10 @@ def jsonable(value: object) -> object:
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
+        return jsonable(value.tolist())
     if isinstance(value, (list, tuple, set)):
         return [jsonable(item) for item in value]
-    return value if isinstance(value, (bool, int, float, str)) else str(value)
+    return value if isinstance(value, (bool, int, str)) else str(value)
 
 
 def versions(blackbox: Mapping[str, str] | None = None) -> dict[str, str]:
