@@ -8,7 +8,8 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,20 @@ def without_ranks() -> str | None:
     if importlib.util.find_spec("mpi4py") is None:
         return "mpi4py is not installed"
     return None if launcher().is_file() else f"no {launcher()}"
+
+
+@contextmanager
+def environment(values: Mapping[str, str]) -> Iterator[None]:
+    """What is started meanwhile has these values in its environment."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ |= dict(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
 
 
 def orchestrate(path: Path, *options: str, ranks: int = 1, temporary: Path | None = None, command: str = "run") -> subprocess.Popen:

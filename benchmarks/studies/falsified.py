@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.kit.commands import environment
 from benchmarks.kit.drawing import BLUE, GREEN, GREY, panels
 from benchmarks.kit.elasticity import energy
 from benchmarks.kit.study import Case, Study
@@ -103,21 +104,14 @@ def apart(scene: Scene, one: Solution, other: Solution) -> float:
 @contextmanager
 def falsifying(fault: Mapping[str, Any]) -> Iterator[None]:
     """Within this context FreeFEM is reached through the proxy."""
-    kept = {name: os.environ.get(name) for name in ("ORCHESTRATOR_FREEFEM", "ORCHESTRATOR_FALSIFY")}
     real, root = shutil.which(os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++"), str(Path(__file__).resolve().parents[2])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "freefem"
         path.write_text(f"#!/bin/sh\nPYTHONPATH='{root}' exec '{sys.executable}' -m benchmarks.kit.proxy "
                         f"'{real}' \"$@\"\n")
         path.chmod(0o755)
-        os.environ |= {"ORCHESTRATOR_FREEFEM": str(path), "ORCHESTRATOR_FALSIFY": json.dumps(dict(fault))}
-        try:
+        with environment({"ORCHESTRATOR_FREEFEM": str(path), "ORCHESTRATOR_FALSIFY": json.dumps(dict(fault))}):
             yield
-        finally:
-            for name, value in kept.items():
-                os.environ.pop(name, None)
-                if value is not None:
-                    os.environ[name] = value
 
 
 def _picture(study: Study):

@@ -18,8 +18,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,12 +26,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, whole_command, without_ranks
+from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, environment, whole_command, without_ranks
 from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, panels
-from benchmarks.kit.elasticity import energy
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.problems.cases import with_method
+from benchmarks.studies.falsified import apart
 from benchmarks.studies.grains import Sides, problem
 from orchestrator import build_scene, config_from, Scene, Solution
 
@@ -83,21 +82,9 @@ def run(study: Study, settings: Settings = Settings()) -> None:
     study.figure(_picture(study.rows))
 
 
-@contextmanager
-def _on(kernel: str) -> Iterator[None]:
-    """What is started meanwhile multiplies with a kernel of OpenBLAS."""
-    before = os.environ.get("OPENBLAS_CORETYPE")
-    os.environ |= {"OPENBLAS_CORETYPE": kernel} if kernel else {}
-    try:
-        yield
-    finally:
-        os.environ.pop("OPENBLAS_CORETYPE", None)
-        os.environ |= {} if before is None else {"OPENBLAS_CORETYPE": before}
-
-
 def _measured(study: Study, name: str, config: dict[str, Any], kernel: str, ranks: int) -> dict[str, Any]:
     others, begin = os.getloadavg()[0], cpu_of_children()
-    with _on(kernel):
+    with environment({"OPENBLAS_CORETYPE": kernel} if kernel else {}):
         summary, seconds = whole_command(study, name, config, ranks)
     return {**{key: summary[key] for key in ("dofs_decomposed", "stop_reason", "iterations", "error_bound")}, "seconds": seconds,
             "others": round(others, 1), **parts_of(summary, cpu_of_children() - begin)}
@@ -115,10 +102,9 @@ def differences(scene: Scene, one: Mapping[str, Any], other: Mapping[str, Any]) 
     """How far two runs are apart: interfaces' resultants, fields in energy and reactions, each over the largest of all load steps; and the
     resultants of each load step."""
     u, v = (Solution.read(row["folder"]) for row in (one, other))
-    far = energy(scene, [a - b for a, b in zip(u.sides, v.sides)]).max() / energy(scene, v.sides).max()
     a, b = (forces_of(row["folder"]) for row in (one, other))
     steps = np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max()
-    return {"forces": float(steps.max()), "forces_by_step": steps.tolist(), "fields": float(np.sqrt(far)),
+    return {"forces": float(steps.max()), "forces_by_step": steps.tolist(), "fields": apart(scene, u, v),
             "reactions": float(np.abs(u.reactions - v.reactions).max() / np.abs(v.reactions).max())}
 
 
