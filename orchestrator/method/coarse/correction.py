@@ -30,7 +30,6 @@ from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.coarse.responses import Responses, per_body
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage

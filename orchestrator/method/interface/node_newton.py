@@ -111,13 +111,14 @@ def solved(question: Question, q: np.ndarray,
 def _others(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same of groups that no loop answers."""
     q, size = _newton(question, q)
-    stuck, along = q.copy(), question.residual(q)
+    stuck = q.copy()
     for number in range(REPEATS):
         open_ = size > question.enough
         if not open_.any():
             break
         at, few = question.some(open_)
-        found, left = _newton(few, stuck[:, at] - 2.0**number * along[:, at])
+        here = stuck[:, at]
+        found, left = _newton(few, here - 2.0**number * few.residual(here))
         better = (left < size[open_])[few.group]
         q[:, at[better]] = found[:, better]
         size[open_] = np.minimum(left, size[open_])
