@@ -35,6 +35,8 @@ from orchestrator.method.stopping.continuity import Constraint, Continuity
 from orchestrator.method.stopping.held_jumps import HeldJumps
 
 RIGID = 1 - 1e-9  # a from which a direction is held
+# a of what sticks: it gives way to what must not penetrate, where pairs around a node are at odds
+STICKS = 1 - 1e-6
 FELT = 1e-9  # a from which it counts
 ROUNDED = 1e-14  # of displacements, what rounding leaves of jumps; they cost the root of that
 EXACT = 1e-12  # of the jumps, what is broken by rounding alone
@@ -198,7 +200,9 @@ class AdmissibleDisplacement:
         size = np.einsum("pij,pik,pkj->pj", ways, slope, ways)
         pair, which = np.nonzero(np.where(self.prices[at][:, None], size, np.abs(size)) > FELT)
         size, at = size[pair, which], at[pair]
-        priced = self.prices[at]
+        priced, across = self.prices[at], ways[pair, :, which]
+        across = np.abs(np.einsum("hc,hc->h", across, normal[pair])) < 0.5
+        size = np.where(priced & self.slips[at] & across, np.minimum(size, STICKS), size)
         gives = priced & (size < RIGID)
         soft = ratio(1 - size, size * self.beside.points.stiff_n[at], gives)
         held = HeldJumps(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
