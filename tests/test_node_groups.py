@@ -50,13 +50,14 @@ def test_where_two_bodies_meet_there_are_none():
 
 
 def test_all_laws_of_a_group_hold_together(eight):
-    """q = law(q + keq d) with the jumps that all forces of the group leave, and no group unsolved."""
+    """Forces come to rest where q = law(q + keq d), with the jumps that all forces of the group leave."""
     d, fields = eight, rough(eight)
     w, f = fields.extended
     pairs, groups = d.local.pairs, d.local.groups
     stage, before = NodeStage(groups, pairs, w, f, d.local.before, None), d.local.before.take(groups.chosen)
     stage.rms, b, lacks = np.sqrt(stage.left[0] / stage.left[1]), stage.b[0], stage._lacks(stage.q)[0]
-    F, _ = stage.predicted(0)
+    for _ in range(30):
+        F, _ = stage.predicted(0)
     law = groups.laws.force(F, before, 0).force
     laws = groups.laws
     together = laws.masked(laws.points.stiffness(b)) + (groups.felt @ law.ravel()).reshape(law.shape)
@@ -98,21 +99,20 @@ def test_a_node_that_a_support_holds_gives_no_way():
         assert np.abs(w - fields.w)[:, moved].min(axis=1).max() > 0
 
 
-class Pushing(Law):
-    """Each pair pushes with more than it is pushed with, and with more than the pair before."""
+class Erratic(Law):
+    """What a pair answers says nothing about what it answers beside that."""
 
     @staticmethod
     def force(points, F, previous, derivative=False):
-        count = len(points)
-        slope = np.repeat(np.eye(3)[:, :, None], count, axis=2) if derivative else None
-        return Answer(F - 1e3 * np.arange(count) * points.normal, np.zeros(count, int), np.arange(count), slope)
+        slope = np.zeros((3, 3, len(points))) if derivative else None
+        return Answer(1e3 * np.sign(np.sin(1e3 * F)), np.zeros(len(points), int), np.arange(len(points)), slope)
 
 
 def test_groups_that_no_forces_answer_are_told(eight):
-    """Forces that grow round an edge for ever are given up, and a sentence names the interfaces."""
+    """They are given up, and a sentence names the interfaces."""
     d, fields = eight, rough(eight)
     groups = d.local.groups
-    laws = replace(groups.laws, runs=[replace(run, law=Pushing) for run in groups.laws.runs])
+    laws = replace(groups.laws, runs=[replace(run, law=Erratic) for run in groups.laws.runs])
     stage = NodeStage(replace(groups, laws=laws), d.local.pairs, *fields.extended, d.local.before, None)
     stage.rms = np.sqrt(stage.left[0] / stage.left[1])
     stage.predicted(0)
@@ -121,12 +121,15 @@ def test_groups_that_no_forces_answer_are_told(eight):
     assert said.startswith(f"{len(groups.members)} groups of node pairs") and d.scene.interfaces[0].name in said
 
 
-def test_forces_whose_branch_friction_folds_away_find_another():
-    """Grains between rollers: at a node of the wall five bodies' forces have a solution far from where they come from."""
-    data = {**scene_of("27 rollers", 0.3, 1), "blackbox": IN_PROCESS,
+@pytest.mark.parametrize("scene, seed", [("27 free", 1), ("27 rollers", 1)])
+def test_forces_do_not_jump_to_and_fro_where_friction_folds_them_away(scene, seed):
+    """At nodes of three grains and more laws allow several answers, far apart: the residual falls all the same."""
+    data = {**scene_of(scene, 0.3, seed), "blackbox": IN_PROCESS,
             "method": {"tolerance": {"error": 1e-4}, "max_iterations": 50}}
     solution = solve(config_from(data))
     assert solution.converged and solution.history["unsolved"][-1] == 0
+    late = np.array(solution.history["residual"][8:])
+    assert (late[1:] < 1.7 * late[:-1]).all()
 
 
 @pytest.mark.long

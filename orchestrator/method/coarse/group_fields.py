@@ -2,7 +2,7 @@
 ``interface.node_stage``: what they change.
 
     db = D y,  D = B (N W / copies − C N F)
-    what forces answer:  X D y,  X = J⁻¹ A keq,  J = 1 − (1 − δ) A (1 − keq S)
+    what forces answer:  X D y,  X = J⁻¹ A keq,  J as in ``interface.node_newton``
 
 A group's bodies all feel each other: Tᵀ X D has blocks beside those of interfaces.
 """
@@ -20,9 +20,9 @@ from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.load_step import Bodies
 from orchestrator.method.coarse.responses import Responses
 from orchestrator.method.interface.node_groups import NodeGroups, pointwise, stiffness
+from orchestrator.method.interface.node_newton import PULLS
 from orchestrator.method.interface.rows import bounds_of, rows_of, times
 
-SHIFT = 1e-6  # δ: with friction J may be singular
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class GroupFields:
         if len(at):
             groups, bodies, fields = self._quick
             in_parts(added, len(groups[1]), groups, bodies, fields,
-                     (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), SHIFT, blocks,
+                     (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), PULLS[0], blocks,
                      part=len(groups[1]))
         if len(at) < len(self.ends):
             self._add_others(slope, blocks)
@@ -161,7 +161,8 @@ class GroupFields:
         """The same of groups that no loop answers; blocks (·, n, n)."""
         (at, felt, D), (first, local, spots, begins) = self._others, self._blocks
         slope, number = slope[:, :, at], self.groups.group[at]
-        J = sp.eye_array(3 * len(at)) - pointwise((1 - SHIFT) * slope) @ felt
+        one = sp.eye_array(3 * len(at))
+        J = one - pointwise(slope) @ (felt - PULLS[0] * one)
         right = np.einsum("cdp,dep,pebf->cpbf", slope, self._stiff[:, :, at], D, optimize=True)
         XD = sla.splu(sp.csc_array(J)).solve(right.reshape(3 * len(at), -1)).reshape(right.shape)
         product = np.einsum("pcsf,cpbh->psbfh", self.T[at], XD, optimize=True)

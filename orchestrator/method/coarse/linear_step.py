@@ -112,7 +112,7 @@ class NodeStep:
             result = np.zeros((len(grouped.pairs), *slopes.shape[1:]))
             result[: len(slopes)] = slopes
             laws, asked = grouped.groups.laws, self.nodes.question
-            answer = laws.force(asked.predicted(self.nodes.q[self.t]), asked.before, self.number,
+            answer = laws.force(asked.drawn(self.nodes.q[self.t]), asked.before, self.number,
                                 derivative=True)
             grouped.add(laws.slopes(answer, SPRINGS), result)
             slopes = result

@@ -61,12 +61,11 @@ class ContactGroups:
         matrices[places[which] + (c * m + place[p]) * 3 * m + d * m + place[q]] = entries.data[here]
         return cls(quick, order, bounds, places, matrices)
 
-    def answered(self, question, q: np.ndarray, effort: tuple,
-                 tries: tuple) -> tuple[np.ndarray, np.ndarray]:
-        """Return forces (3, Q) of these points and what is left of ‖r‖ (k,), from forces q (3, R)
-        on.
+    def answered(self, question, pulls: tuple, rounds: int,
+                 lengths: tuple) -> tuple[np.ndarray, np.ndarray]:
+        """Return forces (3, Q) of these points and what is left of ‖r‖ (k,).
 
-        question : a ``node_newton.Question``; effort, tries : as the loops take them
+        question : a ``node_newton.Question``; the others : as the loops take them
         """
         from orchestrator.method.interface.node_loops import answered
 
@@ -77,11 +76,11 @@ class ContactGroups:
         springs = np.zeros(len(at)) if laws.stabilisation is None else laws.stabilisation[at]
         rest = laws.points.stiffness(question.anchor)
         points = (*(np.ascontiguousarray(x[..., at]) for x in laws.points.search), gap, friction)
-        given = points, *(np.ascontiguousarray(x[:, at])
-                          for x in (question.start, question.before.jump, rest)), springs, \
+        given = points, *(np.ascontiguousarray(x[:, at]) for x in (
+            question.start, question.before.jump, rest, question.known)), springs, \
             np.ascontiguousarray(laws.free[:, at])
-        q, size = np.ascontiguousarray(q[:, at]), np.empty(len(self.places))
+        q, size = np.empty((3, len(at))), np.empty(len(self.places))
         in_parts(answered, len(size), (self.bounds, self.places, self.matrices), given,
-                 question.enough[self.quick], effort,
-                 tries, q, size, part=max(WORTH, len(size) // 4 + 1))
+                 question.enough[self.quick], (np.array(pulls), rounds, *lengths), q, size,
+                 part=max(WORTH, len(size) // 4 + 1))
         return q, size

@@ -1,8 +1,9 @@
-"""Groups of a few points in contact, compiled: Newton's method, and anew from further along
-what is left, as ``node_newton`` has it, and what the coarse problem's fields change.
+"""Groups of a few points in contact, compiled: Newton's method for proximal steps, as
+``node_newton`` has it, and what the coarse problem's fields change.
 
 A group is worked on to its end before the next one, by dense matrices: r = q − law(q + keq (b − S
-q)) has three numbers a point. To be imported where it is used: it takes the compiler along.
+q) + τ (q₀ − q)) has three numbers a point. To be imported where it is used: it takes the compiler
+along.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ forces, slopes = fast(contact_loops.forces.function), fast(contact_loops.slopes.
 
 
 @fast
-def left(a, b, felt, given, q, F, force, status, r):
+def left(a, b, felt, given, pull, q, F, force, status, r):
     """Write F, f̂ and r (3, R) of the points from a to b; ‖r‖."""
-    points, start, past, rest, springs, free = given
+    points, start, past, rest, known, springs, free = given
     m, square = b - a, 0.0
     for c in range(3):
         for j in range(m):
-            total, row = start[c, a + j], felt[c * m + j]
+            total, row = start[c, a + j] + pull * (known[c, a + j] - q[c, a + j]), felt[c * m + j]
             for d in range(3):
                 for k in range(m):
                     total += row[d * m + k] * q[d, a + k]
@@ -45,7 +46,7 @@ def left(a, b, felt, given, q, F, force, status, r):
 @fast
 def slopes_of(a, b, given, F, status, slope, everyone):
     """Write A (3, 3, R) of the points from a to b at F."""
-    points, _, past, _, springs, free = given
+    points, _, past, _, _, springs, free = given
     slopes(a, b, points, F, past, everyone, slope)
     for p in range(a, b):
         for c in range(3):
@@ -86,8 +87,8 @@ def eliminated(J, n, columns):
 
 
 @fast
-def jacobian(a, b, felt, slope, shift, J):
-    """Write J = 1 − (1 − δ) A (1 − keq S) of the points from a to b."""
+def jacobian(a, b, felt, slope, pull, J):
+    """Write J = 1 − A (1 − keq S − τ) of the points from a to b."""
     m = b - a
     for c in range(3):
         for j in range(m):
@@ -96,41 +97,40 @@ def jacobian(a, b, felt, slope, shift, J):
                 total = 0.0
                 for d in range(3):
                     total += slope[c, d, a + j] * felt[d * m + j, k]
-                row[k] = -(1.0 - shift) * total
+                row[k] = pull * slope[c, k // m, a + j] - total if k % m == j else -total
             row[c * m + j] += 1.0
 
 
 @fast
-def newton(a, b, felt, given, enough, rounds, effort, q, room):
-    """Improve q (3, R) at the points from a to b, in so many rounds; ‖r‖ there."""
-    shifts, lengths, less = effort
+def newton(a, b, felt, given, pull, enough, effort, q, room):
+    """Improve q (3, R) at the points from a to b; ‖r‖ there."""
+    _, rounds, lengths, less = effort
     F, force, status, r, here, slope, everyone, step, best, J = room
     m = b - a
-    n, size, number, failures = 3 * m, np.inf, 0, 0
+    n, size, number = 3 * m, np.inf, 0
     best[:, a:b] = q[:, a:b]
     while True:
-        found = left(a, b, felt, given, q, F, force, status, r)
-        saved = found < (1.0 - less * lengths[number]) * size
-        if saved:
-            size, failures = found, 0
-            if rounds > 0:
-                slopes_of(a, b, given, F, status, slope, everyone)
+        found = left(a, b, felt, given, pull, q, F, force, status, r)
+        if found < (1.0 - less * lengths[number]) * size:
+            size, number = found, 0
             for c in range(3):
                 for p in range(a, b):
                     best[c, p], here[c, p] = q[c, p], r[c, p]
-        else:
-            number += 1
-            failures += number == len(lengths)
-        if saved or number == len(lengths):
             if size <= enough or rounds == 0:
                 break
-            rounds, number = rounds - 1, 0
-            jacobian(a, b, felt, slope, shifts[failures % len(shifts)], J)
+            rounds -= 1
+            slopes_of(a, b, given, F, status, slope, everyone)
+            jacobian(a, b, felt, slope, pull, J)
             for k in range(n):
                 J[k, n] = here[k // m, a + k % m]
-            there = eliminated(J, n, 1)  # exactly singular: no step, and another shift
+            if not eliminated(J, n, 1):
+                break
             for k in range(n):
-                step[k // m, a + k % m] = J[k, n] if there else 0.0
+                step[k // m, a + k % m] = J[k, n]
+        else:
+            number += 1
+            if number == len(lengths):
+                break
         for c in range(3):
             for p in range(a, b):
                 q[c, p] = best[c, p] - lengths[number] * step[c, p]
@@ -139,46 +139,36 @@ def newton(a, b, felt, given, enough, rounds, effort, q, room):
 
 
 @compiled
-def answered(start, stop, groups, given, enough, effort, tries, q, size):
-    """Improve q (3, R), and write ‖r‖ (n,), of the groups from start to stop.
+def answered(start, stop, groups, given, enough, effort, q, size):
+    """Write q (3, R) and ‖r‖ (n,) of the groups from start to stop.
 
     groups : (n + 1,) int, where each one's points begin; (n,) int, where its matrix 1 − keq S
         begins in (·,)
     given : of the points normal, stiff_n, stiff_t, gap and friction; keq b, jumps before, keq
-        times the jumps at which
-        springs carry nothing, ε, and which components are free
+        times the jumps at which springs carry nothing, q₀, ε, and which components are free
     enough : (n,) what may be left of ‖r‖
-    effort : shifts, lengths and what a step has to save
-    tries : Newton steps, and from how many places further along what is left they begin anew
+    effort : τ, tried in turn; Newton steps with each; their lengths, and what each has to save
     """
     bounds, places, matrices = groups
-    (rounds, repeats), count, most = tries, q.shape[1], 0
+    count, most = q.shape[1], 0
     for g in range(start, stop):
         most = max(most, bounds[g + 1] - bounds[g])
-    work = np.empty((7, 3, count))
-    moved = work[6]
+    work = np.empty((6, 3, count))
     room = (work[0], work[1], np.empty(count, np.int64), work[2], work[3], np.empty((3, 3, count)),
             np.arange(count), work[4], work[5], np.empty((3 * most, 3 * most + 1)))
     for g in range(start, stop):
         a, b = bounds[g], bounds[g + 1]
         n = 3 * (b - a)
         felt = matrices[places[g] : places[g] + n * n].reshape(n, n)
-        size[g] = newton(a, b, felt, given, enough[g], rounds, effort, q, room)
-        if size[g] <= enough[g]:
-            continue
-        stuck, along, far = q[:, a:b].copy(), room[4][:, a:b].copy(), 1.0
-        for _ in range(repeats):
-            moved[:, a:b] = stuck - far * along
-            found = newton(a, b, felt, given, enough[g], rounds, effort, moved, room)
-            if found < size[g]:
-                size[g], q[:, a:b] = found, moved[:, a:b]
-            if found <= enough[g]:
+        for pull in effort[0]:
+            q[:, a:b] = given[4][:, a:b]
+            size[g] = newton(a, b, felt, given, pull, enough[g], effort, q, room)
+            if size[g] <= enough[g]:
                 break
-            far *= 2.0
 
 
 @compiled
-def added(start, stop, groups, bodies, fields, laws, shift, result):
+def added(start, stop, groups, bodies, fields, laws, pull, result):
     """result (·, n, n) += Tᵀ X D of the groups from start to stop, X = J⁻¹ A keq, in blocks of
     their bodies.
 
@@ -197,7 +187,7 @@ def added(start, stop, groups, bodies, fields, laws, shift, result):
         m, width = b - a, count * size
         n = 3 * m
         J, carried = np.zeros((n, n + width)), np.zeros((width, n))
-        jacobian(a, b, matrices[places[g] : places[g] + n * n].reshape(n, n), slope, shift, J)
+        jacobian(a, b, matrices[places[g] : places[g] + n * n].reshape(n, n), slope, pull, J)
         for j in range(m):
             for side in range(2):
                 here = local[a + j, side] * size

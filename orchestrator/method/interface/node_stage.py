@@ -1,8 +1,8 @@
 """The laws of pairs that share nodes of bodies, answered together, group by group.
 
-``node_newton`` finds q = law(q + keq (b − S q)), b = B (w − C f_b), from the forces that the traces
-bring with them. Several answers q may do where pairs form a circle: what begins near one stays
-there. What a body's node then lacks is g = f_b + Bᵀ q.
+``node_newton`` finds q = law(q + keq (b − S q)), b = B (w − C f_b), step by step from the forces
+that the traces bring with them. Several answers q may do where pairs form a circle: what begins
+near one stays there. What a body's node then lacks is g = f_b + Bᵀ q.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ class NodeStage:
         least = ROUNDING * float(np.abs(self.q[t]).max(initial=0.0))
         enough = max(ENOUGH * self.rms[t], least) * np.sqrt(groups.members)
         self.question = question = Question(groups.laws, groups.group, groups.felt, before, anchor,
-                                            number, start, enough)
-        q, size = solved(question, self.q[t], groups.contact)
+                                            number, start, self.q[t].copy(), enough)
+        q, size = solved(question, groups.contact)
         told = groups.first >= 0
         self.unsolved[t, groups.first[told]] = (size > enough)[told]
-        F = question.predicted(q)
+        F = question.drawn(q)
         answer = groups.laws.force(F, before, number)
         self.q[t] = q = groups.laws.settled(answer.force, F, anchor)[0]
         # not (F − f̂)/keq: where q is near the answer only, jumps around a node of three bodies
