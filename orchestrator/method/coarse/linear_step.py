@@ -11,7 +11,7 @@ linear problem knows: there the nonlinear one finds them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from orchestrator.method.coarse.responses import Responses
 from orchestrator.method.interface.node_groups import NodeGroups
 from orchestrator.method.interface.node_stage import NodeStage
 from orchestrator.method.interface.pairs import History
-from orchestrator.method.sparse.blocks import BlockPattern
+from orchestrator.method.sparse.blocks import BlockPattern, SharedFactors
 
 # ε: fields that are softer come to rest over many iterations (125 grains: 82 at 1e-3, 34 from 1e-4
 # down to 1e-6); with none loose bodies double the Newton steps
@@ -38,12 +38,14 @@ class LinearSteps:
     bodies : of the coarse problem; pattern : of the matrices
     grouped : fields at pairs that answer together; None where there are none here
     alone : (P,) 1 at pairs that this rank adds up and that answer alone, else 0
+    factors : load step → those of its last matrix. They do in most iterations, for one step
     """
 
     bodies: Bodies
     pattern: BlockPattern
     grouped: GroupFields | None
     alone: np.ndarray
+    factors: dict[int, SharedFactors] = field(default_factory=dict)
 
     @property
     def groups(self) -> NodeGroups | None:
@@ -122,15 +124,23 @@ class NodeStep:
         """Take steps until ‖ρ‖ is a tenth of what it was; how many, 0 if it does not come to
         that.
         """
-        size, pattern = self.start, self.of.pattern
+        kept = self.of.factors
         for number in range(1, STEPS + 1):
-            dy = -pattern.factors(self.matrix(), LEAST).solve(self.rho)
-            length, work = 1.0, np.vdot(dy, self.rho)
-            rho = self.residual(self.y + dy)
-            if np.linalg.norm(rho) > ENOUGH * size and work < 0:
-                length = search(lambda theta: np.vdot(dy, self.residual(self.y + theta * dy)), work)
-                rho = self.residual(self.y + length * dy)
-            self.y, self.rho, size = self.y + length * dy, rho, np.linalg.norm(rho)
-            if size <= max(ENOUGH * self.start, self.least):
+            known = number == 1 and self.t in kept
+            if not known:
+                kept[self.t] = self.of.pattern.factors(self.matrix(), LEAST)
+            self._step(kept[self.t], known)
+            if np.linalg.norm(self.rho) <= max(ENOUGH * self.start, self.least):
                 return number
+        del kept[self.t]
         return 0
+
+    def _step(self, factors: SharedFactors, known: bool) -> None:
+        """Move y by a step, or not at all where factors that were known before lead nowhere."""
+        size, dy, length = np.linalg.norm(self.rho), -factors.solve(self.rho), 1.0
+        work, rho = np.vdot(dy, self.rho), self.residual(self.y + dy)
+        if np.linalg.norm(rho) > (size if known else ENOUGH * size) and (known or work < 0):
+            length = 0.0 if known else search(
+                lambda theta: np.vdot(dy, self.residual(self.y + theta * dy)), work)
+            rho = self.residual(self.y + length * dy)
+        self.y, self.rho = self.y + length * dy, rho
