@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.monolithic import Monolithic
+from benchmarks.studies.contact_race import scene_of
 from boxes import boxed
 from contact_case import CASES, PATH, contact
 from in_process import IN_PROCESS
@@ -190,3 +191,11 @@ def test_a_body_that_is_hardly_loaded_is_in_balance_too():
     found = solve(config).interfaces
     carried = found.resultant[0, list(found.names).index("feather | table")]
     assert np.abs(carried - np.multiply([-0.1, 0, 1], feather)).max() <= 1e-3 * feather
+
+
+def test_what_sticks_gives_way_to_what_must_not_penetrate():
+    """Pairs that stick around a node between rollers are at odds with one that must stay closed: the error is known."""
+    data = {**scene_of("27 rollers", 0.3, 3), "blackbox": IN_PROCESS,
+            "method": {"tolerance": {"error": 1e-4}, "max_iterations": 60}}
+    solution = solve(config_from(data))
+    assert solution.converged and solution.summary["error_bound"] <= 1e-4
