@@ -158,4 +158,5 @@ def test_nothing_is_said_without_a_certificate(tolerance, tmp_path):
 def test_a_hundredth_is_left_open():
     """S⁺h is solved to 1e-4 of its energy."""
     told, exact = (delivered(QUICK, 1e-4, share)[2].contact.backward for share in (1e-4, 1e-18))
-    assert told.tangential == pytest.approx(exact.tangential, rel=0.02) and told.normal == pytest.approx(exact.normal, rel=0.02)
+    for ours, theirs in ((told.tangential, exact.tangential), (told.normal, exact.normal)):
+        np.testing.assert_allclose(ours, theirs, atol=0.01 * np.max(theirs))

@@ -51,6 +51,7 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
+MATRIX = "common/coarse."  # and a load step: an array of checkpoints
 
 
 class CoarseCorrection:
@@ -87,6 +88,7 @@ class CoarseCorrection:
             max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose, self.begun, self._steps = loose_bodies(scene), False, None
+        self.matrices: dict[int, np.ndarray] = {}  # of the linear steps, load step by load step
 
     @property
     def sweeps(self) -> int:
@@ -153,7 +155,8 @@ class CoarseCorrection:
             or self._steps.bodies is not bodies
             or self._steps.groups is not groups
         ):
-            self._steps = LinearSteps.of(bodies, groups, self.response)
+            self.matrices = self.matrices if self._steps is None else {}
+            self._steps = LinearSteps.of(bodies, groups, self.response, self.matrices)
         return self._steps
 
     def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
@@ -204,12 +207,15 @@ class CoarseCorrection:
 
     def state(self) -> dict[str, object]:
         """Return what a resumed run has to know."""
-        return {"radius": self.radius, "begun": self.begun, **self.problem.state()}
+        matrices = {f"{MATRIX}{t}": x for t, x in self.matrices.items()}
+        return {"radius": self.radius, "begun": self.begun, **matrices, **self.problem.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
         self.problem.restore(state)
         self.radius, self.begun = state["radius"], state["begun"]
+        self.matrices, self._steps = {int(name.removeprefix(MATRIX)): x for name, x in state.items()
+                                      if name.startswith(MATRIX)}, None
 
     def _fields(self, scene: Scene, allowed: np.ndarray,
                 modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -38,13 +38,15 @@ class LinearSteps:
     bodies : of the coarse problem; pattern : of the matrices
     grouped : fields at pairs that answer together; None where there are none here
     alone : (P,) 1 at pairs that this rank adds up and that answer alone, else 0
-    factors : load step → those of its last matrix. They do in most iterations, for one step
+    matrices, factors : load step → its last matrix, as its values, and what solves with it; they
+        do in most iterations, for one step
     """
 
     bodies: Bodies
     pattern: BlockPattern
     grouped: GroupFields | None
     alone: np.ndarray
+    matrices: dict[int, np.ndarray]
     factors: dict[int, SharedFactors] = field(default_factory=dict)
 
     @property
@@ -53,7 +55,8 @@ class LinearSteps:
         return None if self.grouped is None else self.grouped.groups
 
     @classmethod
-    def of(cls, bodies: Bodies, groups: NodeGroups | None, response: Responses) -> LinearSteps:
+    def of(cls, bodies: Bodies, groups: NodeGroups | None, response: Responses,
+           matrices: dict[int, np.ndarray]) -> LinearSteps:
         """Return the steps; all ranks ask together, or none has groups."""
         grouped = None if groups is None else GroupFields.of(groups, bodies, response)
         alone, fields = bodies.theirs.astype(float), bodies.fields
@@ -61,7 +64,7 @@ class LinearSteps:
         if groups is not None:
             alone[groups.chosen] = 0.0
         return cls(bodies, BlockPattern(pairs, fields.count, fields.size, bodies.team), grouped,
-                   alone)
+                   alone, matrices)
 
 
 class NodeStep:
@@ -124,15 +127,17 @@ class NodeStep:
         """Take steps until ‖ρ‖ is a tenth of what it was; how many, 0 if it does not come to
         that.
         """
-        kept = self.of.factors
+        t, matrices, factors = self.t, self.of.matrices, self.of.factors
         for number in range(1, STEPS + 1):
-            known = number == 1 and self.t in kept
+            known = number == 1 and t in matrices
             if not known:
-                kept[self.t] = self.of.pattern.factors(self.matrix(), LEAST)
-            self._step(kept[self.t], known)
+                matrices[t] = self.matrix()
+            if not known or t not in factors:
+                factors[t] = self.of.pattern.factors(matrices[t], LEAST)
+            self._step(factors[t], known)
             if np.linalg.norm(self.rho) <= max(ENOUGH * self.start, self.least):
                 return number
-        del kept[self.t]
+        del matrices[t]
         return 0
 
     def _step(self, factors: SharedFactors, known: bool) -> None:
