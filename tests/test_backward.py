@@ -159,4 +159,4 @@ def test_a_hundredth_is_left_open():
     """S⁺h is solved to 1e-4 of its energy."""
     told, exact = (delivered(QUICK, 1e-4, share)[2].contact.backward for share in (1e-4, 1e-18))
     for ours, theirs in ((told.tangential, exact.tangential), (told.normal, exact.normal)):
-        np.testing.assert_allclose(ours, theirs, atol=0.01 * np.max(theirs))
+        np.testing.assert_allclose(ours, theirs, rtol=0.02, atol=1e-3 * np.max(theirs))

@@ -24,7 +24,6 @@ from orchestrator.method.interface.node_newton import PULLS
 from orchestrator.method.interface.rows import bounds_of, rows_of, times
 
 
-
 @dataclass(frozen=True)
 class GroupFields:
     """Fields at R points of groups.

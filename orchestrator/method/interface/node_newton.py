@@ -99,22 +99,12 @@ def solved(question: Question, contact: ContactGroups) -> tuple[np.ndarray, np.n
     """Return forces (3, R) that obey the laws, from those known on, and what is left of ‖r‖
     (n,).
     """
-    q, size = question.known.copy(), np.empty(len(question.enough))
+    q, size = question.known.copy(), np.full(len(question.enough), np.inf)
     if len(contact.order):
         q[:, contact.order], size[contact.quick] = contact.answered(question, PULLS, ROUNDS,
                                                                     (np.array(LENGTHS), LESS))
-    others = ~contact.quick
-    if others.any():
-        at, few = question.some(others)
-        q[:, at], size[others] = _others(few)
-    return q, size
-
-
-def _others(question: Question) -> tuple[np.ndarray, np.ndarray]:
-    """The same of groups that no loop answers."""
-    q, size = question.known.copy(), np.full(len(question.enough), np.inf)
-    for pull in PULLS:
-        open_ = size > question.enough
+    for pull in PULLS:  # of groups that no loop answers
+        open_ = ~contact.quick & (size > question.enough)
         if not open_.any():
             break
         at, few = question.some(open_)

@@ -32,7 +32,7 @@ from orchestrator.laws.points import Answer, norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.stopping.continuity import Constraint, Continuity
-from orchestrator.method.stopping.held_jumps import HeldJumps
+from orchestrator.method.stopping.held_jumps import ALONG, HeldJumps
 
 RIGID = 1 - 1e-9  # a from which a direction is held
 # a of what sticks: it gives way to what must not penetrate, where pairs around a node are at odds
@@ -200,12 +200,12 @@ class AdmissibleDisplacement:
         size = np.einsum("pij,pik,pkj->pj", ways, slope, ways)
         pair, which = np.nonzero(np.where(self.prices[at][:, None], size, np.abs(size)) > FELT)
         size, at = size[pair, which], at[pair]
-        priced, across = self.prices[at], ways[pair, :, which]
-        across = np.abs(np.einsum("hc,hc->h", across, normal[pair])) < 0.5
+        priced, directions = self.prices[at], ways[pair, :, which]
+        across = np.abs(np.einsum("hc,hc->h", directions, normal[pair])) <= ALONG
         size = np.where(priced & self.slips[at] & across, np.minimum(size, STICKS), size)
         gives = priced & (size < RIGID)
         soft = ratio(1 - size, size * self.beside.points.stiff_n[at], gives)
-        held = HeldJumps(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
+        held = HeldJumps(at, directions, np.zeros(len(at)), soft, priced & ~gives)
         return replace(held, goals=held.of(goal))
 
     def _together(self, answer: Answer, goal: np.ndarray) -> tuple[HeldJumps, sp.csr_array]:
