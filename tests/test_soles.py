@@ -1,5 +1,6 @@
 """Soles: the matter glued to interfaces, its shape and the stiffness FreeFEM gives it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,10 +9,11 @@ import scipy.sparse as sp
 from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
 from quick import quick
 
-from orchestrator.blackbox.models import extended_model, sides_by_subdomain
+from orchestrator.blackbox.models import Matter, extended_model, sides_by_subdomain, sole_model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
-from orchestrator.scene.soles.facets import WALL, Facets, between, facets_of, stiffer
+from orchestrator.scene.model import Material
+from orchestrator.scene.soles.facets import THIN, WALL, Facets, between, facets_of, stiffer
 from orchestrator.scene.soles.make import make_soles, prisms
 
 YOUNG, POISSON = 200e3, 0.3
@@ -36,7 +38,7 @@ def patch(cells=(3, 2), h=1.0, fold=180.0, thickness=1.0, seed=None):
     b = a + ny + 1
     triangles = np.r_[np.c_[a, b, b + 1], np.c_[a, b + 1, a + 1]]
     count = len(triangles)
-    return Facets(points, triangles, np.full(count, YOUNG), np.full(count, POISSON), np.full(len(points), thickness))
+    return Facets(points, triangles, np.full((count, 3), YOUNG), np.full(count, POISSON), np.full(len(points), thickness))
 
 
 def volumes(facets, sole):
@@ -140,6 +142,35 @@ def test_modulus_beside_contact_is_near_the_softer_side():
     """√E is the harmonic mean of √E₁ and √E₂: equal moduli bit for bit, four times the softer beside a rigid body."""
     assert np.array_equal(between(np.array([0.1, 70e3, 1 / 3]), np.array([0.1, 70e3, 1 / 3])), [0.1, 70e3, 1 / 3])
     assert np.allclose(between(np.array([100.0, 1.0]), np.array([1.0, 1e16])), [(2 / 1.1) ** 2, 4.0])
+
+
+def test_a_spring_is_one_nodes_alone():
+    """In a thin layer the stiffness at a node is that of the tets which stand above it."""
+    facets = patch(thickness=THIN)
+    each = 10.0 ** np.random.default_rng(3).integers(0, 3, len(facets.points))
+    found = []
+    for young in (np.full_like(facets.young, YOUNG), YOUNG * each[facets.triangles]):
+        sole = prisms(replace(facets, young=young), +1)
+        model = sole_model("sole", facets.points, sole, 0)
+        found.append(Matter.of(model).stiffness().diagonal()[: 3 * len(each)].reshape(-1, 3))
+    assert found[1] / found[0] == pytest.approx(np.repeat(each[:, None], 3, axis=1), rel=0.1)
+
+
+@pytest.mark.parametrize("soft", [0, 1])
+def test_beside_contact_the_softer_body_counts_node_by_node(soft):
+    """A node that any stiff cell touches on both sides gets a stiff spring, though each facet has a soft side."""
+    stiff, x = 1e3, 2.0
+    scene = build_scene(config(mesh={"box": {"size": [4, 1, 1], "cells": [2, 2, 2]}}, subdomains={"grid": [1, 1, 2]},
+                               interfaces=[{"law": "contact"}]))
+    middle = scene.mesh.nodes[scene.mesh.cells[:, :4]].mean(axis=1)
+    scene = replace(scene, materials=[Material(1.0, 0.3), Material(stiff, 0.3)],
+                    cell_material=((middle[:, 0] > x) == (middle[:, 2] > 0.5)).astype(int))
+    scene = replace(scene, subdomains=[replace(s, material=scene.cell_material[s.cells]) for s in scene.subdomains])
+    interface, = scene.interfaces
+    made = facets_of(scene, interface, settings(contact_ratio=1.0), "springs", soft)
+    points, corner = made.points[made.triangles], made.young / made.young.min()
+    at = np.isclose(points[..., 0], x)
+    assert corner[at].min() > 100 and corner[~at].max() < 10
 
 
 def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed():

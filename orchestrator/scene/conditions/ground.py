@@ -73,7 +73,7 @@ def add_layers(cut: Divided, wanted: Mapping[str, Sequence[Layer]],
         for one in several:
             at, local = renumbered(one.triangles)
             points, count = mesh.nodes[at], len(local)
-            layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
+            layer = prisms(Facets(points, local, np.ones((count, 3)), np.zeros(count),
                                   one.thickness * local_size(points, local)), +1)
             layers += [points, layer.points]
             cells.append(layer.cells + firsts[-1])

@@ -140,7 +140,7 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
                     "leave these nodes out of the joint, or put the rest of their face in it")
     count = len(joints.triangles)
     thinner = 1 - 0.5 * ((joints.points - joints.centre) @ SLANTED / joints.size) ** 2
-    facets = Facets(joints.points, joints.triangles, np.ones(count), np.zeros(count),
+    facets = Facets(joints.points, joints.triangles, np.ones((count, 3)), np.zeros(count),
                     THICKNESS * thinner * local_size(joints.points, joints.triangles))
     layer = prisms(facets, -1)
     nodes = np.vstack([joints.points, layer.points])

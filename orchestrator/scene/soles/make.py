@@ -14,6 +14,7 @@ from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.interface import Difficulty, Interface
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.bonded import BondedNodes
 from orchestrator.scene.soles.facets import Facets, facets_of
 from orchestrator.scene.soles.overlap import difficulty, overlap
 
@@ -32,21 +33,26 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None,
     wanted : per interface; the others get none
     share : layers on facets that are equal up to a translation are made once
     """
-    hard = difficulty(scene) if settings.kind == "auto" else None
+    hard = difficulty(scene) if settings.kind in ("auto", "overlap") else None
+    mixed = np.zeros(len(scene.interfaces), bool) if hard is None else hard.mixed_moduli
     soles: list[tuple[Sole, Sole] | None] = [None] * len(scene.interfaces)
     layers: dict[int, tuple[str, list[Facets]]] = {}
+    bonded: BondedNodes | None = None
     for index, interface in enumerate(scene.interfaces):
         if wanted is not None and not wanted[index]:
             continue
         kind = settings.contact if not interface.law.perfect else kind_for(
-            hard, interface) if hard else settings.kind
+            hard, interface) if settings.kind == "auto" else settings.kind
         # of nodes alone, where there are no facets to put a layer on
         kind = kind if len(interface.triangles) else "overlap"
         paired = interface.paired
         together = paired and np.array_equal(*(scene.side_nodes(interface, side)
                                                for side in (0, 1)))
         if kind == "overlap" and together:
-            soles[index] = overlap(scene, interface, settings.modulus_ratio)
+            if mixed[index]:
+                bonded = bonded or BondedNodes(scene)
+            others = bonded.others(interface) if mixed[index] else ()
+            soles[index] = overlap(scene, interface, settings.modulus_ratio, others)
             continue
         kind = "symmetric" if kind == "overlap" else kind
         # of one side for both where they lie upon each other
@@ -119,7 +125,9 @@ def prisms(facets: Facets, direction: int) -> Sole:
     must shrink, the modulus shrinks with it: E/thickness is what counts.
     """
     n = len(facets.points)
-    triangles, odd = split(facets.triangles[:, :3], position_rank(facets.points))
+    triangles, odd, order = split(facets.triangles[:, :3], position_rank(facets.points))
+    # in a thin layer the three tets of a prism are springs of its last, middle and first corner
+    young = np.take_along_axis(facets.young, order, axis=1)[:, ::-1]
     turn = direction * odd
     area = np.linalg.norm(facets.area_vectors, axis=1)
     thickness = facets.thickness.copy()
@@ -147,19 +155,19 @@ def prisms(facets: Facets, direction: int) -> Sole:
     points = points[used - n]
     if facets.triangles.shape[1] == 6:
         points, cells = with_middles(facets.points, lines_of(facets.triangles), points, cells)
-    return Sole(points=points, cells=cells, young=np.repeat(facets.young * achieved / wanted, 3),
+    return Sole(points=points, cells=cells, young=(young * (achieved / wanted)[:, None]).ravel(),
                 poisson=np.repeat(facets.poisson, 3))
 
 
-def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, and (k,) −1 where that turns
-    a facet over, else 1.
+def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, (k,) −1 where that turns a
+    facet over, else 1, and (k, 3) the places that they had.
     """
     order = np.argsort(rank[corners], axis=1)
     # an odd permutation has an inversion count of 1 or 3
     odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2])
            + (order[:, 1] > order[:, 2])) % 2
-    return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0)
+    return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0), order
 
 
 def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
