@@ -10,6 +10,7 @@ from in_process import IN_PROCESS
 from method_case import box_of, prepared
 
 from benchmarks.problems.cases import pressed_cubes
+from benchmarks.problems.hard_scenes import halves
 from benchmarks.studies.contact_race import scene_of
 from orchestrator import config_from, solve
 from orchestrator.laws.base import Law
@@ -26,6 +27,9 @@ def eight(request):
     made = contact(request.param, **CASES["eight cubes"], method={"sole": {"fit": False}, "tolerance": {"error": 1e-6}})
     with box_of(made) as blackbox:
         yield prepared(made, build_scene(made), blackbox)
+
+
+BETWEEN = {"between": ["*-0", "*-1"], "law": "contact", "friction": 0.3}  # above and below, each bonded
 
 
 def rough(d, seed=5):
@@ -75,6 +79,40 @@ def test_a_body_feels_the_same(eight):
     np.testing.assert_allclose(d.space.loads(shared.s), load, atol=1e-10 * np.abs(load).max())
     answered = d.stage(shared.s)
     np.testing.assert_allclose(answered.f, shared.f, atol=1e-9 * np.abs(shared.f).max())
+
+
+@pytest.fixture(scope="module")
+def cut():
+    """Two blocks in contact, each cut in four."""
+    made = contact(law=[BETWEEN], **CASES["eight cubes"], method={"sole": {"fit": False}, "tolerance": {"error": 1e-6}})
+    with box_of(made) as blackbox:
+        yield prepared(made, build_scene(made), blackbox)
+
+
+def test_bonds_at_nodes_in_contact_answer_with_it(cut):
+    """Pieces of a body do not part there, and balance what laws bring; they feel the same as before."""
+    d, fields = cut, rough(cut)
+    pairs, joint = d.local.pairs, d.local.joint
+    shared = fields
+    for _ in range(20):
+        local = d.local(shared)
+        shared = local.fields
+    bonds = slice(len(pairs), len(joint))
+    assert len(joint) == len(pairs) + 2 * (8 + 4)  # bonds of either block along the cuts, four where they cross
+    jump = joint.transfer.jump(local.hats[0])[:, :, bonds]
+    before = joint.transfer.jump(fields.w)[:, :, bonds]
+    assert np.abs(jump).max() < 0.02 * np.abs(before).max()
+    load = d.space.loads(fields.s)
+    np.testing.assert_allclose(d.space.loads(shared.s), load, atol=1e-10 * np.abs(load).max())
+
+
+@pytest.mark.parametrize("cuts, most", [(1, 30), (2, 45)])
+def test_stiff_and_soft_cells_in_contact_take_few_iterations(tmp_path, cuts, most):
+    """Springs follow the softer body node by node, soles take in the cells of diagonal neighbours, and bonds at nodes in
+    contact answer with it: with less of that a hundred and more."""
+    made = halves(tmp_path, 1e3, cuts)
+    solution = solve(config_from({**made, "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-4}}}))
+    assert solution.converged and solution.iterations <= most
 
 
 def test_a_node_that_a_support_holds_gives_no_way():

@@ -13,6 +13,7 @@ from benchmarks.problems.hard_scenes import (
     box,
     contrast,
     cubes,
+    halves,
     joined,
     patches,
     slices,
@@ -50,7 +51,7 @@ def hard_cases(folder: Path) -> Iterator[Hard]:
     yield from _shape(folder)
     yield from _topology(folder)
     yield from _scale()
-    yield from _contact()
+    yield from _contact(folder)
 
 
 def _settings() -> Iterator[Hard]:
@@ -133,7 +134,9 @@ def _scale() -> Iterator[Hard]:
         HELD, {"on": {"plane": "x", "at": 4.0}, "displacement": [0.01, 0, 0]}]})
 
 
-def _contact() -> Iterator[Hard]:
+def _contact(folder: Path) -> Iterator[Hard]:
+    for ratio, cuts in ((1e3, 1), (1e3, 2), (1e3, 4), (1e6, 1), (1e6, 2)):
+        yield Hard("contact, contrast", f"random bricks, {ratio:g}, {2 * cuts**2} pieces", halves(folder, ratio, cuts))
     for friction in (0.0, 0.1, 0.5, 1.0, 2.0):
         yield Hard("friction", f"{friction:g}", blocks([PRESS, SLIDE], friction=friction), friction < 1)
     for gap in (0.0, 1e-6, 1e-3, 1.0):

@@ -53,6 +53,15 @@ def contrast(folder: Path, pattern: str, ratio: float) -> dict[str, Any]:
         {"young": 200e3 / ratio, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}])
 
 
+def halves(folder: Path, ratio: float, cuts: int) -> dict[str, Any]:
+    """Two blocks of soft and stiff bricks at random, one upon the other in contact, each cut in cuts² pieces; pressed and sheared."""
+    made = contrast(folder, "random bricks", ratio)
+    return {**made, "subdomains": {"grid": [cuts, cuts, 2]}, "interfaces": [
+        {"between": ["*-0", "*-1"], "law": "contact", "friction": 0.3}], "boundary": [
+            {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
+            {"on": {"plane": "z", "at": 2.0}, "displacement": [0.001, 0, -0.002]}]}
+
+
 def sliver(folder: Path, angle: float) -> dict[str, Any]:
     """The bar of slices with one tet at an interface flattened to a dihedral angle, in degrees."""
     nodes, cells = bricks((4, 1, 1), (12, 3, 3))

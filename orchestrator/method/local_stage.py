@@ -201,7 +201,7 @@ class LawStage:
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
         self.before = History.none(len(pairs)) if before is None else before
         # once for all batches of load steps
-        self._groups = cache(partial(NodeGroups.of, direction.space, pairs))
+        self._groups = cache(partial(NodeGroups.of, direction.space, self.joint))
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at
@@ -212,37 +212,46 @@ class LawStage:
         root = root[at][:, at]
         return conditioning(self.direction.whole[at][:, at], lambda x: root @ x)
 
+    @property
+    def joint(self) -> Pairs:
+        """The pairs, and behind them those of bonds that answer together with them."""
+        return self.pairs.joint or self.pairs
+
     @cached_property
     def perfect(self) -> np.ndarray:
-        """(q,) int, trace dofs of this rank that no law deals with: those of perfect interfaces."""
-        return np.flatnonzero(~self.pairs.nodes.there[: self.direction.space.size])
+        """(q,) int, trace dofs of this rank that are exchanged: of perfect interfaces."""
+        return np.flatnonzero(~self.joint.nodes.there[: self.direction.space.size])
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Local stage for the fields of all steps."""
-        pairs, steps = self.pairs, len(fields.s)
+        pairs, joint, steps, count = self.pairs, self.joint, len(fields.s), len(self.pairs)
         w, f = fields.extended
-        at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
+        at, anchors = joint.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
         nodes, met = self.meeting(w, f, anchors)
-        force, jump, status = np.empty_like(F), np.empty_like(F), np.empty(
-            (steps, len(pairs)), dtype=int)
+        chosen = np.zeros(0, int) if nodes is None else nodes.groups.chosen
+        ours = chosen[chosen < count]
+        bonds, F = F[:, :, count:], F[:, :, :count]
+        force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, count), int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             anchor = before.jump if anchors is None else anchors[t]
             if nodes is not None:
-                F[t][:, self.groups.chosen], together = nodes.predicted(t)
+                predicted, together = nodes.predicted(t)
+                F[t][:, ours], bonds[t][:, chosen[len(ours):] - count] = np.split(
+                    predicted, [len(ours)], axis=1)
             answer = pairs.force(F[t], before, pairs.numbers[t])
             force[t], jump[t] = pairs.settled(answer.force, F[t], anchor)
             if nodes is not None:
-                jump[t][:, self.groups.chosen], nodes.before = together, nodes.after
+                jump[t][:, ours], nodes.before = together[:, : len(ours)], nodes.after
             lawful[t], status[t] = answer.force, answer.status
             before = History(jump[t], answer.own)
             own.append(answer.own)
-        w_hat, f_hat = at.hats(force)
+        w_hat, f_hat = at.hats(force if joint is pairs else np.concatenate([force, bonds], axis=2))
         if met:
             fields = self._by_nodes(nodes, fields, w_hat, f_hat)
             w, f = fields.extended
-            at = pairs.traces(w, f)
+        at = pairs.traces(w, f) if met or joint is not pairs else at
         alone = self.perfect
         if len(alone):
             exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))
@@ -253,7 +262,7 @@ class LawStage:
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
-        unsolved = np.zeros(status.shape, bool) if nodes is None else nodes.unsolved
+        unsolved = np.zeros(status.shape, bool) if nodes is None else nodes.unsolved[:, :count]
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status, unsolved,
                           {name: np.stack([each[name] for each in own]) for name in own[0]}, at,
                           fields if met else None)
@@ -268,8 +277,11 @@ class LawStage:
         """This rank's groups at traces (T, D + G), None where there are none, and whether any rank
         has some; all ask together.
         """
-        nodes = None if self.groups is None else NodeStage(self.groups, self.pairs, w, f,
-                                                           self.before, anchors)
+        joint, nodes = self.joint, None
+        if self.groups is not None:
+            if anchors is not None:
+                anchors = np.pad(anchors, ((0, 0), (0, 0), (0, len(joint) - len(self.pairs))))
+            nodes = NodeStage(self.groups, joint, w, f, self.before.among(len(joint)), anchors)
         square, count = self.direction.space.team.sum(np.zeros((2, len(w))) if nodes is None
                                                       else nodes.left)[0]
         if nodes is not None:

@@ -29,6 +29,7 @@ class GroupFields:
     """Fields at R points of groups.
 
     groups : the groups
+    chosen : (r,) int, which of the coarse problem's pairs the first r of the points are
     Z : (n, 3M) what a field of each node's own body does to it; owner : (3M,) int, that body
     ends : (R, 2) int, the two bodies of each point, the lower first
     T : (R, 3, 2, n) fields of these, zero at points that other ranks add up
@@ -37,6 +38,7 @@ class GroupFields:
     """
 
     groups: NodeGroups
+    chosen: np.ndarray
     Z: np.ndarray
     owner: np.ndarray
     ends: np.ndarray
@@ -62,7 +64,7 @@ class GroupFields:
         point, side = B.coords[0] % R, owner[B.coords[1]]
         np.minimum.at(ends[:, 0], point, side)
         np.maximum.at(ends[:, 1], point, side)
-        T, chosen = np.zeros((R, 3, 2, fields.size)), groups.chosen
+        T, chosen = np.zeros((R, 3, 2, fields.size)), fields.pairs.together[groups.chosen]
         here = np.repeat(fields.ends, np.diff(fields.pairs.bounds), axis=0)[chosen]
         ends[: len(chosen)] = np.sort(here, axis=1)
         ends[ends[:, 1] < 0] = 0  # what other ranks have slid off
@@ -77,7 +79,8 @@ class GroupFields:
         known = fields.count * here.min(axis=1, initial=fields.count) + here.max(axis=1, initial=-1)
         extra = np.unique(both[both[:, 0] < both[:, 1]], axis=0)
         extra = extra[~np.isin(extra @ [fields.count, 1], known)]
-        return cls(groups, np.array(Z), owner, ends, T, np.concatenate([here, extra]), fields.count)
+        return cls(groups, chosen, np.array(Z), owner, ends, T, np.concatenate([here, extra]),
+                   fields.count)
 
     def moved(self, y: np.ndarray) -> np.ndarray:
         """Return db (3, R) of fields y (bodies, n)."""

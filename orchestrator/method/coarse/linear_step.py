@@ -62,7 +62,7 @@ class LinearSteps:
         alone, fields = bodies.theirs.astype(float), bodies.fields
         pairs = fields.ends[bodies.counted] if grouped is None else grouped.pairs
         if groups is not None:
-            alone[groups.chosen] = 0.0
+            alone[grouped.chosen] = 0.0
         return cls(bodies, BlockPattern(pairs, fields.count, fields.size, bodies.team), grouped,
                    alone, matrices)
 
@@ -93,7 +93,7 @@ class NodeStep:
         fields, bodies = self.of.bodies.fields, self.of.bodies
         self.F = fields.predicted(self.F0, y)
         if self.nodes is not None:
-            chosen = self.nodes.groups.chosen
+            chosen = self.of.grouped.chosen
             self.F[:, chosen], together = self.nodes.predicted(self.t, self.of.grouped.moved(y))
         answer = fields.pairs.force(self.F, self.before, self.number)
         force, jump = fields.pairs.settled(answer.force, self.F, self.anchor)

@@ -42,7 +42,7 @@ class ContactGroups:
         contact, R = np.zeros(len(group), bool), len(group)
         for run in laws.runs:
             # a law made of contact may answer otherwise
-            contact[run.part] = run.law.force is run.law.loops
+            contact[run.part] = run.law.perfect or run.law.force is run.law.loops
         members = np.bincount(group)
         quick = (np.bincount(group, ~contact) == 0) & (members <= FEW)
         order = np.argsort(group, kind="stable")
@@ -73,8 +73,12 @@ class ContactGroups:
         each = [run.points.at(question.number) for run in laws.runs]
         gap, friction = (np.concatenate([p.own.get(name, np.zeros(len(p))) for p in each])[at]
                          for name in ("gap", "friction"))
-        springs = np.zeros(len(at)) if laws.stabilisation is None else laws.stabilisation[at]
+        springs = np.zeros(len(laws)) if laws.stabilisation is None else laws.stabilisation.copy()
         rest = laws.points.stiffness(question.anchor)
+        for run in laws.runs:  # bonds are nothing but springs
+            if run.law.perfect:
+                springs[run.part], rest[:, run.part] = 1.0, 0.0
+        springs = springs[at]
         points = (*(np.ascontiguousarray(x[..., at]) for x in laws.points.search), gap, friction)
         given = points, *(np.ascontiguousarray(x[:, at]) for x in (
             question.start, question.before.jump, rest, question.known)), springs, \

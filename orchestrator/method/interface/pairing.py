@@ -63,7 +63,30 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array,
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws,
-                 stabilisation, np.arange(scene.steps), np.zeros((3, bounds[-1])))
+                 stabilisation, np.arange(scene.steps), np.zeros((3, bounds[-1])),
+                 beside=_beside(space, wanted, transfer))
+
+
+def _beside(space: TraceSpace, interfaces: list[Interface], transfer: Transfer) -> np.ndarray:
+    """(b,) int, ascending, points of bonds at nodes where other laws have points, too, or bonds
+    lead to such nodes; nodes match. All ranks ask together.
+    """
+    bonded, matching = (np.repeat(np.array(values, bool), np.diff(transfer.bounds)) for values in (
+        [i.law.perfect for i in interfaces], [i.matching for i in interfaces]))
+    ends, node = np.stack([transfer.one, transfer.two]).max(axis=1, initial=-1), space.dof // 3
+    meets = np.zeros(int(node.max(initial=-1)) + 1, bool)
+
+    def spread(chosen: np.ndarray) -> bool:
+        own = ends[:, chosen]
+        at, before = node[own[(own >= 0) & (own < space.size)]], meets.sum()
+        meets[at] = True
+        return space.team.max(float(meets.sum() > before))[0] > 0
+
+    found, there = np.flatnonzero(matching & ~bonded), bonded & matching & (ends[0] >= 0)
+    while spread(found):
+        on = space.extended(meets[node][None].astype(float))[0][0] > 0
+        found = np.flatnonzero(there)[on[ends[:, there]].any(axis=0)]
+    return found if len(found) and bonded[found].all() else found[:0]
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:

@@ -42,6 +42,10 @@ class Pairs(Answering):
     springs: float = 1.0  # ε over that at the beginning
     # interface → its operators, where sides were paired anew as they slid
     mortars: Mapping[int, Mortar] = field(default_factory=dict)
+    # (b,) int, ascending, points of bonds at nodes that have points of other laws as well
+    beside: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    # with bonds beside them behind, which answer together with them; None: there are none
+    joint: Pairs | None = None
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -116,7 +120,8 @@ class Pairs(Answering):
     def weakened(self, share: float) -> Pairs:
         """Scale the springs of stabilisation to that share of ε."""
         return replace(self, stabilisation=share * self.stabilisation,
-                       springs=share * self.springs)
+                       springs=share * self.springs,
+                       joint=self.joint and self.joint.weakened(share))
 
     # ---- parts ---------------------------------------------------------------------------------
 
@@ -141,12 +146,29 @@ class Pairs(Answering):
         return replace(some, interfaces=self.interfaces[:count],
                        transfer=replace(some.transfer, bounds=self.bounds[: count + 1]),
                        nodes=self.nodes.some(traces),
-                       runs=[run for run in some.runs if not run.law.perfect])
+                       runs=[run for run in some.runs if not run.law.perfect],
+                       joint=self._joint(traces) if len(self.beside) else None)
+
+    @property
+    def together(self) -> np.ndarray:
+        """(J,) int, ascending, points of laws other than the perfect one, and bonds beside them."""
+        count = sum(not i.law.perfect for i in self.interfaces)
+        return np.concatenate([np.arange(self.bounds[count]), self.beside])
+
+    def _joint(self, traces: np.ndarray) -> Pairs:
+        """Those that are ``together``; traces (D + G,) bool, of interfaces that are not perfect."""
+        traces = traces.copy()
+        for side in (self.transfer.one, self.transfer.two):
+            dofs = side[:, self.beside]
+            traces[dofs[dofs >= 0]] = True
+        return replace(self.some(self.together), nodes=self.nodes.some(traces))
 
     def batch(self, steps) -> Pairs:
         """The pairs for some of the load steps, a slice or indices."""
-        return replace(self, numbers=self.numbers[steps])
+        return replace(self, numbers=self.numbers[steps],
+                       joint=self.joint and self.joint.batch(steps))
 
     def at_steps_of(self, other: Pairs) -> Pairs:
         """The pairs for the load steps of others."""
-        return replace(self, numbers=other.numbers)
+        return replace(self, numbers=other.numbers,
+                       joint=self.joint and self.joint.at_steps_of(other))
