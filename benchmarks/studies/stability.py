@@ -118,7 +118,7 @@ def beyond(kind: str, bound: float, error: float) -> list[str]:
 
 def _cause(summary: Mapping[str, Any]) -> str:
     """Why a run stopped, and what it says of the state it stopped in."""
-    loose = sorted({name for step in summary.get("detached", ()) for name in step})
+    loose = sorted({name for step in summary.get("detached") or () for name in step})
     bound = summary["error_bound"]
     known = f", error bound {bound:.0e}" if bound is not None and np.isfinite(bound) else ""
     return summary["stop_reason"] + known + (f", nothing holds {', '.join(loose)}" if loose else "")
