@@ -237,6 +237,15 @@ CASES = {
                 "*t", {"plane": {"at": [0, 0, 1.001], "normal": [0, 0, -1]}, "displacement": [0.001, 0, -0.003]}]}],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}], "method": {"tolerance": {"error": 1e-4}},
     },
+    # two blocks in contact, each cut in pieces: bonds at nodes in contact, between ranks as well
+    "cut blocks in contact": {
+        "mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]},
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"between": ["*-0", "*-1"], "law": "contact", "friction": 0.3}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.002], [0.001, 0, -0.002], [0, 0.001, -0.001]]}],
+        "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-6}},
+    },
 }
 
 

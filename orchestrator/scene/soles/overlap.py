@@ -19,10 +19,8 @@ of the edge is a node of its own, clamped.
 A copy of nearly incompressible matter, clamped behind, resists by its bulk modulus what the
 subdomain itself, free to flow, resists by its shear modulus alone. Of two such extremes the best
 search direction is the geometric mean, as for Robin conditions between any two ends of a spectrum:
-λ' = √(λ μ) in the copy. Soft modes are fewer then, and what they cost. Copies of four-node tets
-are ``STIFFER``, as rings are: 64 cubes, ν = .499, take 36 iterations, and 100 where the copies keep
-their bulk modulus. Ten-node ones are not: eight cubes in contact half way take 82, stiffer ones
-102.
+λ' = √(λ μ) in the copy. Soft modes are fewer then, and what they cost. Four-node tets cannot flow
+without changing their volumes: their copies keep their bulk modulus.
 
 Affine macro functions and soles that follow the facets serve compact subdomains of one matter. They
 fail where a subdomain has soft ways to move that are not affine on its interfaces: where stiff and
@@ -50,7 +48,7 @@ from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.interface import Difficulty, Interface
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.soles import Sole
-from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE, STIFFER
+from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE
 
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000
 # brick by brick, 64 subdomains: 40, 32,
@@ -93,10 +91,7 @@ def overlap(scene: Scene, interface: Interface, ratio: float,
         points, cells = with_middles(inner, own, points, cells)
         sides, poisson = sides[origin], poisson[origin]
         young = (young / np.bincount(origin))[origin]
-    yields = poisson >= INCOMPRESSIBLE
-    if whole.shape[1] == 4:
-        young = np.where(yields, STIFFER, 1.0) * young
-    poisson = np.where(yields, between(poisson), poisson)
+        poisson = np.where(poisson > INCOMPRESSIBLE, between(poisson), poisson)
     return tuple(Sole(points, cells, ratio * np.where(sides == side, OWN, 1 - OWN) * young, poisson)
                  for side in (0, 1))
 
