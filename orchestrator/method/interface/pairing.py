@@ -92,11 +92,13 @@ def _beside(scene: Scene, space: TraceSpace, interfaces: list[Interface],
         meets[at] = True
         return space.team.max(float(meets.sum() > before))[0] > 0
 
-    found, there = np.flatnonzero(matching & ~bonded), bonded & matching & (ends[0] >= 0)
-    while spread(found):
+    bonds, more = np.flatnonzero(bonded & matching & (ends[0] >= 0)), spread(matching & ~bonded)
+    found = bonds[:0]
+    while more:
         on = space.extended(meets[node][None].astype(float))[0][0] > 0
-        found = np.flatnonzero(there)[on[ends[:, there]].any(axis=0)]
-    return found if len(found) and bonded[found].all() else found[:0]
+        found = bonds[on[ends[:, bonds]].any(axis=0)]
+        more = spread(found)
+    return found
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:

@@ -135,7 +135,7 @@ class Pairs(Answering):
     @cached_property
     def lawful(self) -> Pairs:
         """The points of interfaces that are not perfect."""
-        count = sum(not i.law.perfect for i in self.interfaces)
+        count = self._opening
         if count == len(self.interfaces):
             return self
         first, traces = np.arange(self.bounds[count]), np.zeros(self.transfer.total, dtype=bool)
@@ -152,8 +152,12 @@ class Pairs(Answering):
     @property
     def together(self) -> np.ndarray:
         """(J,) int, ascending, points of laws other than the perfect one, and bonds beside them."""
-        count = sum(not i.law.perfect for i in self.interfaces)
-        return np.concatenate([np.arange(self.bounds[count]), self.beside])
+        return np.concatenate([np.arange(self.bounds[self._opening]), self.beside])
+
+    @property
+    def _opening(self) -> int:
+        """Interfaces that are not perfect, which come first."""
+        return sum(not i.law.perfect for i in self.interfaces)
 
     def _joint(self, traces: np.ndarray) -> Pairs:
         """Those that are ``together``; traces (D + G,) bool, of interfaces that are not perfect."""

@@ -25,6 +25,7 @@ from orchestrator.scene.mesh.geometry import (
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.overlap import first_row
 
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01
@@ -136,13 +137,15 @@ def moduli_at(scene: Scene, interface: Interface, side: int) -> list[np.ndarray]
     found = []
     for e, nodes in zip(interface.subdomains, interface.nodes):
         s = scene.subdomains[e]
-        young, cells = scene.moduli[s.material, 0], s.connectivity[:, :4]
+        young = scene.moduli[s.material, 0]
         share = np.ones(len(nodes))  # of the largest, to the letter where all are alike
         if young.min() < young.max():
+            row = first_row(s, nodes)
+            cells = s.connectivity[row, :4]
             gradients, volumes = shape_gradients(scene.mesh.nodes[s.nodes], cells)
             weight = np.einsum("eai,eai->ea", gradients, gradients) * volumes[:, None]
             own, whole = (np.bincount(cells.ravel(), (weight * part).ravel(), len(s.nodes))[nodes]
-                          for part in (young[:, None] / young.max(), 1.0))
+                          for part in (young[row, None] / young.max(), 1.0))
             share = np.divide(own, whole, out=share, where=whole > 0)
         found.append(young.max() * share)
     if not interface.paired:

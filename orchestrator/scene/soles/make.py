@@ -49,9 +49,10 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None,
         together = paired and np.array_equal(*(scene.side_nodes(interface, side)
                                                for side in (0, 1)))
         if kind == "overlap" and together:
+            others = ()
             if mixed[index]:
                 bonded = bonded or BondedNodes(scene)
-            others = bonded.others(interface) if mixed[index] else ()
+                others = bonded.others(interface)
             soles[index] = overlap(scene, interface, settings.modulus_ratio, others)
             continue
         kind = "symmetric" if kind == "overlap" else kind
