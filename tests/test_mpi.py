@@ -352,6 +352,28 @@ def test_a_failure_that_an_import_swallows_is_heard():
     assert "rank 1 left: rank 0: " in output and "bad" in output and "Traceback" not in errors
 
 
+# Sums and maxima of more numbers than are gathered in one message.
+MANY = """
+import numpy as np
+from orchestrator.launch import join
+team = join()
+with team.together():
+    own = np.arange(40000.0) * (1 if team.rank == 0 else -1)
+    own[7] = np.nan if team.rank else 0.0
+    (sums,), most = team.both([own], own)
+    alone = team.max(*own)
+    right = np.where(np.arange(40000) == 7, np.nan, np.arange(40000.0))
+    assert np.array_equal(most, right, equal_nan=True) and np.array_equal(alone, right, equal_nan=True)
+    assert np.isnan(sums[7]) and not np.delete(sums, 7).any()
+    print(f"rank {team.rank} agrees")
+"""
+
+
+def test_sums_and_maxima_of_many_numbers():
+    output, errors = start(2, "-c", MANY).communicate(timeout=SECONDS)
+    assert sorted(output.split("\n"))[-2:] == ["rank 0 agrees", "rank 1 agrees"], errors
+
+
 def test_ranks_are_known_by_their_launchers_variables():
     """And a code that a rank starts sees nothing of them."""
     assert launched({"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "2", "PMI_SIZE": "x"}) == (2, 4)

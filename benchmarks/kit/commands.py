@@ -93,7 +93,10 @@ def whole_command(study: Study, name: str, config: Mapping[str, Any] | Path, ran
     if process.returncode not in accepted:
         told = complaint.strip() or said.strip() or f"the run ended with code {process.returncode}"
         raise BlackBoxError(f"{name}: {told}")
-    return json.loads((folder / "summary.json").read_text(encoding="utf-8")), seconds
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    if summary["stop_reason"].startswith("failed"):  # by a mistake of ours, with a traceback
+        raise BlackBoxError(f"{name}: {summary['stop_reason']}")
+    return summary, seconds
 
 
 def codes_seconds(summary: Mapping[str, Any]) -> float:

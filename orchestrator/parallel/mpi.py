@@ -58,20 +58,23 @@ class MpiRanks(Team):
         self.reductions += 1
         self._count(mine)
         if len(mine) * self.size <= _GATHERED:
-            everyone = np.empty((self.size, len(mine)))
-            self._wait(self._world.Iallgather(mine, everyone), mine, everyone)
+            everyone = self._gathered(mine)
             total, most = everyone[:, : ends[-1]].sum(axis=0), everyone[:, ends[-1]:].max(axis=0)
         else:  # one rank adds, all take its bits
-            total, most = np.empty(ends[-1]), np.array(largest, float)
-            sums = mine[: ends[-1]]
+            total, sums = np.empty(ends[-1]), mine[: ends[-1]]
             self._wait(self._world.Ireduce(sums, total if self.rank == 0 else None, MPI.SUM,
                                            root=0), sums, total)
             self._count(total if self.rank == 0 else total[:0])
             self._wait(self._world.Ibcast(total, root=0), total)
-            if len(most):
-                most = np.array(self.max(*most))
+            most = self._gathered(mine[ends[-1]:]).max(axis=0)
         return [total[a:b].reshape(x.shape)
                 for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
+
+    def _gathered(self, mine: np.ndarray) -> np.ndarray:
+        """Return (ranks, n) the numbers (n,) of all ranks."""
+        everyone = np.empty((self.size, len(mine)))
+        self._wait(self._world.Iallgather(mine, everyone), mine, everyone)
+        return everyone
 
     def meet(self) -> None:
         self._count(np.empty(0))
