@@ -48,6 +48,8 @@ _LISTED = {
                "27 to 343 grains (up to 1,000 if set) pressed and sheared: iterations and seconds over their number"),
     "contact_race": ("studies.contact_race:run",
                      "contact beside a semismooth Newton method in one piece: CPU and memory to the same error"),
+    "newton_at_end": ("studies.newton_at_end:run",
+                      "27 grains from an error of 1e-3, 1e-4, 1e-6 on by Newton's method in one piece: steps and CPU beside ours"),
     "load_paths": ("studies.load_paths:run",
                    "27 grains pressed, let go, twisted, sheared with friction to 1, walls of bricks: iterations to 1e-4 and 1e-6"),
     "floor": ("studies.floor:run", "wall time of whole runs beside the code's own seconds"),

@@ -27,7 +27,7 @@ def in_one_piece(first: Answer) -> tuple[str, str]:
             or not scene.interfaces:
         return "not sayable", ""
     whole = Monolithic(scene)
-    steps = whole.solve(_started(whole, solution))
+    steps = whole.solve(started(whole, solution))
     if not all(step.converged for step in steps):
         return "not sayable", f"in one piece stopped at {max(step.residual for step in steps):.1e}"
     apart = np.zeros(scene.steps)
@@ -43,7 +43,7 @@ def in_one_piece(first: Answer) -> tuple[str, str]:
     return "agree" if error <= allowed else "disagree", f"displacements {error:.1e}, allowed {allowed:.1e}"
 
 
-def _started(whole: Monolithic, solution: Solution) -> list[tuple[list[np.ndarray], np.ndarray]]:
+def started(whole: Monolithic, solution: Solution) -> list[tuple[list[np.ndarray], np.ndarray]]:
     """Displacements and pair forces to start from at every load step: those told, of bonds the rest.
 
     Friction leaves several solutions: Newton's method stays at one that balances and obeys the laws.
