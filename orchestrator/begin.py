@@ -155,8 +155,8 @@ materials:                          # EDIT: the moduli; the last match wins
 blackbox: {{element: auto}}         # ten-node tets (P2) unless the mesh is too large for \
 them; P1: four-node ones
 method:
-  tolerance: {{error: {proposal.tolerance}}}        # bonded: guaranteed bound on the \
-energy error; with contact, the laws' residual
+  tolerance: {{error: {proposal.tolerance}}}        # of the energy: guaranteed \
+where parts are bonded, estimated with friction
 """
 
 

@@ -119,9 +119,9 @@ class Proposal:
         one, other = json.dumps(held.name), json.dumps(loaded.name)
         if not self.bolts:
             return f"""boundary:                           # EDIT: what is held and what acts
-  - {{on: {one}, displacement: [0, 0, 0]}}      # the lowest plane surface; null \
+  - {{on: {one}, displacement: [0, 0, 0]}}      # a plane surface at one end; null \
 leaves a component free
-  - {{on: {other}, resultant: {{force: [0, 0, -1]}}}}   # the highest; or traction: \
+  - {{on: {other}, resultant: {{force: [0, 0, -1]}}}}   # at the other end; or traction: \
 [..], pressure: 1, motion: {{..}}
 """
         normal = np.zeros(3) if loaded.shape.direction is None else loaded.shape.direction
@@ -133,7 +133,7 @@ leaves a component free
         lines = "\n".join(f"  - {{on: {name}, force: {self.force:g}, history: tighten{cut}}}"
                           for name, cut in zip(names, self.cuts))
         return f"""boundary:                           # EDIT: what is held and what acts
-  - {{on: {one}, displacement: [0, 0, 0]}}      # the lowest plane surface; null \
+  - {{on: {one}, displacement: [0, 0, 0]}}      # a plane surface at one end; null \
 leaves a component free
   - {{on: {other}, resultant: {{force: [{', '.join(f'{x:g}' for x in force)}]}}, history: \
 pull}}     # EDIT: the force

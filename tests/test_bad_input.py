@@ -57,7 +57,7 @@ WRONG = {
     "interface of no pair": ({"interfaces": "interfaces: [{between: ['bolt*', '*'], law: perfect}]"},
                              ["'bolt*' matches no subdomain"], "interfaces"),
     "gap of no pair": ({"interfaces": "interfaces: [{between: ['slice 0', 'slice 3'], law: contact, gap: geometry}]"},
-                       ["interfaces[0].gap", "share no face", "opposite faces with matching nodes"], "interfaces"),
+                       ["interfaces[0].gap", "share no face", "whose faces lie on each other"], "interfaces"),
     "within alone": ({"interfaces": "interfaces: [{law: contact, gap: 0.1, within: 1}]"}, ["within without gap: geometry"],
                      "interfaces"),
     "contradiction": ({"loaded": "  {on: xmin, displacement: [0, 0, 1]}]"}, ["contradict", "uz = 0 and 1"], "loaded"),

@@ -56,6 +56,7 @@ BAD = {
     "beyond numbers": ({"materials": "materials: [{young: 1e308, poisson: 0.3}]"}, "1e+308"),
     "next to nothing": ({"materials": "materials: [{young: 1e-320, poisson: 0.3}]"}, "1e-320"),
     "decimal comma": ({"materials": "materials: [{young: 200e3, poisson: 0,3}]"}, "write poisson: 0.3"),
+    "thousands parted by a comma": ({"materials": "materials: [{young: 210,000, poisson: 0.3}]"}, "write young: 210000, or"),
     "decimal comma in a text": ({"materials": "materials:\n  - young: 2,1e5\n    poisson: 0.3"}, "write 2.1e5"),
     "below rounding": ({"method": "method: {tolerance: {error: 1e-12}}"}, "rounding alone"),
     "unit": ({"materials": "materials: [{young: 200 GPa, poisson: 0.3}]"}, "200 GPa"),

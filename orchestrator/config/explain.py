@@ -73,14 +73,21 @@ def _comma(path: KeyPath, data: Any) -> str:
     """
     value = get(data, *path)
     if isinstance(value, str) and _COMMA.fullmatch(value.strip()):
-        return f"write {value.strip().replace(',', '.')}: decimals follow a point"
+        return _mended("", *value.strip().split(","))
     beside = get(data, *path[:-1]) if path else None
     if isinstance(beside, dict) and value is None and _DIGITS.fullmatch(str(path[-1])):
         before = list(beside).index(path[-1]) - 1 if path[-1] in beside else -1
         whole = list(beside.items())[before] if before >= 0 else None
         if whole and isinstance(whole[1], int) and not isinstance(whole[1], bool):
-            return f"write {whole[0]}: {whole[1]}.{path[-1]}: decimals follow a point"
+            return _mended(f"{whole[0]}: ", whole[1], path[-1])
     return ""
+
+
+def _mended(key: str, whole: object, rest: object) -> str:
+    """The cure for a number in two parts, whose comma begins decimals or parts thousands."""
+    if len(str(rest)) == 3 and str(rest).isdigit():
+        return f"write {key}{whole}{rest}, or {key}{whole}.{rest} if these are decimals"
+    return f"write {key}{whole}.{rest}: decimals follow a point"
 
 
 def _expected(entry: Any, kind: str, context: dict, model: type[Part] | None) -> str:

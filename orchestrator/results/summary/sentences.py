@@ -128,7 +128,7 @@ def not_held(s: View) -> list[str]:
     place = "where stabilisation leaves it" if s.stabilised else "undetermined"
     return [f"{some(names)}: {what} at load step {steps}; the rigid position is {place}"
             for found, what in ((s.detached, "pressed on by no held body"),
-                                (s.weakly_held, "held, but free to move as a whole"))
+                                (s.weakly_held, "held, but not in every direction"))
             for steps, names in _alike(found)]
 
 

@@ -104,8 +104,8 @@ def _loosened(bolts: Sequence[Mapping[str, object]], unit: str) -> list[str]:
             given = force[tightened[-1]]
             lost.append((1 - min(after) / given, bolt["name"], given, min(after)))
     share, name, given, left = max(lost)
-    return [f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of "
-            f"{_rounded(given)}{unit}"] * (share > LITTLE)
+    return [f"largest loss of pretension: {name}, {share:.1%} ({_rounded(left)} of "
+            f"{_rounded(given)}{unit})"] * (share > LITTLE)
 
 
 def _slips(face: Face, units: Mapping[str, str]) -> str:

@@ -204,12 +204,13 @@ def _beyond_reach(parts: Parts, laws: Laws, pair: tuple[int, int], seen: Near, i
     within = (
         f"{reach:g}" if reach is not None
         else f"{laws.tolerance(index):g} of the element size, from surface to surface")
+    wider = (f"write within: {FARTHER * seen.distance:.2g}" if laws[index].kind.name == "contact"
+             else "raise tolerance")
     problems.add(("interfaces", index),
                  f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} "
                  f"apart, at {format_point(seen.where)}, and are no pair: nothing connects the two",
                  f"faces within {within}",
-                 f"raise tolerance, move the parts, or say that they are none: exclude: [[{one}, "
-                 f"{two}]]")
+                 f"{wider}, move the parts, or say that they are none: exclude: [[{one}, {two}]]")
 
 
 def _overlaps(parts: Parts, laws: Laws, governing: dict[tuple[int, int], int],

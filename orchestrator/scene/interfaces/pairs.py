@@ -190,11 +190,11 @@ def _report_unused(parts: Parts, laws: Laws, pairs: list[tuple[str, str]],
             cure = (
                 "interfaces exist between " + some([" | ".join(b) for b in beside], 6)
                 if pairs
-                else "there are no interfaces at all"
+                else "write between: auto, which reaches over small gaps, or for contact gap: geometry"
             )
         problems.add(("interfaces", i, where), found,
-                     "names of two parts that share faces, or have opposite faces with matching "
-                     "nodes; shell wildcards allowed", cure)
+                     "names of two parts that share faces, or whose faces lie on each other; "
+                     "shell wildcards allowed", cure)
 
 
 def _how_far(parts: Parts, laws: Laws, entry: Any) -> str:
