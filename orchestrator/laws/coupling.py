@@ -5,15 +5,15 @@ With the rigid motions R of the surface about the point, q their amounts and Q t
 that act there:
 
     rigid         u = R q                                    on the whole surface
-    distributed   q = G⁻¹ Rᵀ A u,  f = A R G⁻¹ Q,  G = Rᵀ A R    the mean motion, and the traction
-                                                                 that varies linearly
+    distributed   q = G⁻¹ Wᵀ u,  f = W G⁻¹ Q,  G = Rᵀ W          the mean motion, and the traction
+                                                                 that varies linearly, W = ∫ φ R
 
 Side 2 is the ground, which rests, so that the body moves by u = −d, d = (F − f̂)/keq. A motion j is
 prescribed, q_j = g_j, or loaded, Q_j = (Rᵀ f̂)_j = g_j; what is left are at most six equations for
 a surface, which the local stage solves:
 
     rigid         f̂ = F + keq R q,    Q = Rᵀ F + (Rᵀ keq R) q
-    distributed   f̂ = A R G⁻¹ Q,      q = S Q − G⁻¹ Rᵀ A F/keq,  S = G⁻¹ (Rᵀ A keq⁻¹ A R) G⁻¹
+    distributed   f̂ = W G⁻¹ Q,        q = S Q − G⁻¹ Wᵀ F/keq,    S = G⁻¹ (Wᵀ keq⁻¹ W) G⁻¹
 """
 
 from __future__ import annotations
@@ -32,19 +32,21 @@ COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 class CouplingLaw(GroundLaw):
     """A surface that follows a point: it moves with it, or in the mean.
 
-    rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given
+    rigid: u = R q;  distributed: q = G⁻¹ Wᵀ u, f = W G⁻¹ Q;  q or Q given
 
     motions : (6, 3, n) R: displacement of each node in the three translations of the point and the
         rotations about it
     prescribed : (6,) bool
     given : (6,) amounts of the motions that are prescribed, force and moment of the others
     rigid : whether the surface moves as a rigid body, or so in the mean
+    forces : (6, 3, n) W, what tractions R amount to at each node
     """
 
     motions: np.ndarray
     prescribed: np.ndarray
     given: np.ndarray
     rigid: bool
+    forces: np.ndarray
 
     name = "coupling"
     # nodes in the middle of edges follow the point like all others
@@ -82,7 +84,7 @@ class CouplingLaw(GroundLaw):
         return {"motions": self.motions[:, :, chosen],
                 "given": np.repeat(self.given[:, None], count, axis=1),
                 "prescribed": np.repeat(self.prescribed[:, None], count, axis=1),
-                "rigid": np.full(count, self.rigid)}
+                "forces": self.forces[:, :, chosen], "rigid": np.full(count, self.rigid)}
 
     @staticmethod
     def carries(points: Points) -> Carries:
@@ -137,10 +139,8 @@ def _rigid(points: Points, F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 def _distributed(points: Points, F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """f̂ (3, P), and factors as of ``_rigid``; nothing of ∂f̂/∂F is local."""
     R, held, given = points["motions"], points["prescribed"][:, 0], points["given"][:, 0]
-    weighted = points.area * R
-    # G⁻¹ Rᵀ A
-    spread = np.einsum("ij,jcp->icp", np.linalg.inv(np.einsum("icp,jcp->ij", R, weighted)),
-                       weighted)
+    W = points["forces"]
+    spread = np.einsum("ij,jcp->icp", np.linalg.inv(np.einsum("icp,jcp->ij", R, W)), W)  # G⁻¹ Wᵀ
     moves = points.compliance(spread)
     S, Q = np.einsum("icp,jcp->ij", spread, moves), np.where(held, 0.0, given)
     at = np.flatnonzero(held)

@@ -24,7 +24,9 @@ from orchestrator.method.monitors import Evaluation, Monitor, Verdict
 DIVERGED, HELD = "diverged", "held by stabilisation alone"
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
-RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
+# growth of the displacement that no convergent run shows: rounding leaves four digits of strains.
+# Slender bodies and those on soft springs go a million times as far as the first stage takes them
+RUNAWAY = 1e12
 # the same times ε: a body that springs alone hold goes 1/ε times as far as its load would deform it
 LOOSE = 10.0
 

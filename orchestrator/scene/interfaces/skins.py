@@ -8,7 +8,7 @@ stands off by (n_b − n_a)·e / (4 + 2 |n_a + n_b|), outward positive, as a cir
 those of the CAD model, or of the cylinder, cone, sphere or torus that all nodes of a smooth face
 lie on; elsewhere means over the facets around a corner that are part of the same smooth face. Where
 a component of a node is prescribed, as on planes of symmetry, with the facets' mirror images, if
-these are part of it.
+these are part of it: where facets nearby turn as much.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from orchestrator.kept import kept
 from orchestrator.linalg import PLACED
 from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
-from orchestrator.scene.mesh.geometry import facet_normals, unit
+from orchestrator.scene.mesh.geometry import facet_normals, spread, unit
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.shapes import recognised
@@ -243,7 +243,13 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
     if held is not None:  # a facet and its mirror image in one face have nothing across together
         smooth = 1 - 2 * normal**2 > _least(face, face)[:, None]
-        inside = np.where(held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0), 0.0, total)
+        # a plane that meets its mirror image at an angle makes an edge, not a round face
+        patch = smooth_patches(corners, normal, face)
+        own = np.unique(patch[:, None] * (corners.max() + 1) + corners, return_inverse=True)[1]
+        own = own.reshape(corners.shape)
+        turns = spread(normal, own, own.max() + 1)[own].reshape(-1, 3)
+        round_ = held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0) & (np.abs(unit(total)) <= turns)
+        inside = np.where(round_, 0.0, total)
         planes = ~held.all(axis=2).reshape(-1, 1) & inside.any(axis=1, keepdims=True)
         total = np.where(planes, inside, total)
     return unit(total).reshape(*corners.shape, 3)

@@ -17,7 +17,8 @@ from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.loads.base import Cylindrical, FacePlace, Ground, Kind
-from orchestrator.scene.mesh.geometry import areas, node_normals, unit
+from orchestrator.scene.mesh.geometry import areas, node_normals, summed, unit
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES, TRIANGLE_MOMENTS, TRIANGLE_SHARES
 
 
 class Foundation(Part):
@@ -56,8 +57,10 @@ class Springs(Ground):
         if self.upright:
             across = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
             directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
-        return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)),
-                                  np.repeat(self.stiffness[:, None], count, axis=1),
+        stiffness = np.repeat(self.stiffness[:, None], count, axis=1)
+        stiffness = np.where(np.isfinite(stiffness), stiffness * _springs(triangles, count),
+                             stiffness)
+        return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), stiffness,
                                   np.repeat(row[:, None], count, axis=1), normal.T)
                 for row in self.given]
 
@@ -65,6 +68,16 @@ class Springs(Ground):
         springs = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)
         return np.abs(springs[:, None, None] * self.laws(points, triangles)[0].frame).max(
             axis=(0, 2))
+
+
+def _springs(triangles: np.ndarray, count: int) -> np.ndarray:
+    """Return (count,) what springs at nodes of faces (k, 3 or 6) have of the area that laws act on:
+    an even pressure on a six-node face is one of the middles of its edges.
+    """
+    result = np.zeros(count)
+    size = triangles.shape[1]
+    result[triangles] = TRIANGLE_SHARES[size] / LUMPED_SHARES[size]
+    return result
 
 
 class Bedding(Kind):
@@ -140,9 +153,15 @@ class Followed(Ground):
             axis=1) / area.sum() if c.about is None else np.array(c.about)
         motions = np.ascontiguousarray(motions_about(points, about, 1.0).transpose(2, 1, 0))
         amounts = [*c.displacement, *(None if x is None else np.radians(x) for x in c.rotation)]
+        # forces of tractions that vary linearly, ∫ φ R over the faces
+        each = np.einsum("k,ab,jckb->kajc", area, TRIANGLE_MOMENTS[triangles.shape[1]],
+                         motions[:, :, triangles[:, :3]])
+        forces = summed(triangles, each.reshape(*triangles.shape, -1), len(points))
+        forces = np.ascontiguousarray(forces.T).reshape(motions.shape)
         prescribed = np.array([x is not None for x in amounts])
         given = np.where(prescribed, [x or 0.0 for x in amounts], [*c.force, *c.moment])
-        return [GROUND["coupling"](motions, prescribed, factor * given, c.kind == "rigid")
+        return [GROUND["coupling"](motions, prescribed, factor * given, c.kind == "rigid",
+                                   forces)
                 for factor in self.factors]
 
 

@@ -256,11 +256,15 @@ def mirrored(normals: np.ndarray, vectors: np.ndarray, triangles: np.ndarray,
     """
     if not held.any():
         return normals
-    facets = unit(vectors)
-    spread = _around(facets, triangles, len(normals)) + _around(-facets, triangles, len(normals))
-    inside = np.where(held & (np.abs(normals) <= spread), 0.0, normals)
+    turns = spread(unit(vectors), triangles, len(normals))
+    inside = np.where(held & (np.abs(normals) <= turns), 0.0, normals)
     length = np.linalg.norm(inside, axis=1, keepdims=True)
     return np.where(length > 0, inside / np.where(length > 0, length, 1.0), normals)
+
+
+def spread(normals: np.ndarray, triangles: np.ndarray, count: int) -> np.ndarray:
+    """Return (n, 3) by how much the normals (k, 3) of facets near each node differ."""
+    return _around(normals, triangles, count) + _around(-normals, triangles, count)
 
 
 def _around(values: np.ndarray, triangles: np.ndarray, count: int) -> np.ndarray:

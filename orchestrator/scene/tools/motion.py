@@ -124,7 +124,7 @@ class Driven(Ground):
         """Laws of a surface that moves with the tool, as ``Ground`` says."""
         motions = np.ascontiguousarray(motions_about(points, self.about, 1.0).transpose(2, 1, 0))
         return [GROUND["coupling"](motions, self.prescribed, np.where(self.prescribed, move, load),
-                                   True)
+                                   True, motions)
                 for move, load in zip(self.moves, self.loads)]
 
     @property
