@@ -88,3 +88,18 @@ def test_a_cylinder_that_slid_on_a_block_is_told(tmp_path, way, told):
                      {"on": {"plane": "z", "at": LENGTH}, "displacement": [way, None, -0.005]}], "method": {"tolerance": {"law": 1e-4}}})
     texts = [text for text in solve(made, build_scene(made)).summary["warnings"] if "slid" in text]
     assert bool(texts) == bool(told) and all(told in text for text in texts[:1])
+
+
+@pytest.mark.parametrize("degrees, flat", [(15.0, True), (5.0, True), (0.0, True), (15.0, False)])
+def test_a_plane_that_meets_a_plane_of_symmetry_at_an_angle_is_no_round_face(degrees, flat):
+    """Its mirror image makes an edge with it; a face that turns as it goes has its top there."""
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5)))
+    slope = np.tan(np.radians(degrees))
+    points = np.column_stack([x, y, slope * (x if flat else -2 * x**2)])
+    triangles = Delaunay(points[:, :2]).simplices
+    held = np.zeros_like(points, dtype=bool)
+    held[x == 0, 0] = True
+    surface = surface_of(points, triangles, -1, held=held)
+    assert (surface.sagitta == 0).all() if flat else surface.sagitta[(x[triangles] == 0).any(axis=1)].max() > 0.005
+    rim = surface.means[x[triangles] == 0]
+    assert np.abs(rim[:, 0]) == pytest.approx(np.sin(np.radians(degrees)) if flat else 0.0, abs=1e-12)

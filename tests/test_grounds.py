@@ -141,3 +141,20 @@ def test_a_surface_that_several_subdomains_share_is_no_coupling():
     with pytest.raises(InputError, match="a surface of one subdomain"):
         build_scene(config_from(bar([HELD, {"on": "xmax", "coupling": {"force": [1.0, 0, 0]}}],
                                     subdomains={"slices": {"axis": "z", "count": 2}})))
+
+
+@pytest.mark.parametrize("on, moment, element", [
+    ({"foundation": {"normal": 1e3}}, 0.0, "P1"), ({"foundation": {"normal": 1e3}}, 0.0, "P2"),
+    ({"foundation": {"stiffness": [0, 0, 1e3]}}, 0.0, "P2"), ("coupling", 0.0, "P1"), ("coupling", 0.1, "P2")])
+def test_even_tractions_pass(on, moment, element):
+    """Stresses are those of the traction at every node, with six-node faces too; σ = -1 ± 6 M on a side of 1."""
+    if on == "coupling":
+        boundary = [{"on": "zmin", "coupling": {"kind": "distributed", "force": [0, 0, 1], "moment": [0, moment, 0]}},
+                    {"on": "zmax", "displacement": [0, 0, 0]}]
+    else:
+        boundary = [{"on": "zmin", **on}, {"on": "zmax", "traction": [0, 0, -1]}, {"on": "xmin", "symmetry": True},
+                    {"on": "ymin", "symmetry": True}]
+    solution = solved(boundary, element, materials=[{"young": 2e4, "poisson": 0.0}], output={"figures": False, "probes": [
+        {"name": name, "on": "zmin", "quantity": name, "of": "stress"} for name in ("min", "max")]})
+    found = [probe["values"]["szz"][-1] for probe in solution.summary["probes"]]
+    assert found == pytest.approx([-1 - 6 * moment, -1 + 6 * moment], rel=1e-4)

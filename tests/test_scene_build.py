@@ -67,7 +67,8 @@ def interfaces_of(mesh, fixed=None, entries=()):
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
     laws = Laws(list(entries), [*partition.names, *mesh.volumes])
     interfaces, _ = make_interfaces(Parts(mesh, faces, partition, numbering, np.ones(len(mesh.cells)), fixed), laws, found)
-    return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
+    held = SimpleNamespace(fixed=fixed[numbering.nodes], values=np.zeros((1, len(numbering.nodes), 3)))
+    return leave_free(mesh, interfaces, partition, numbering, held, list(entries), found), found.found
 
 
 def test_every_patch_is_known_by_the_names_of_its_parts():

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from boxes import boxed
+from in_process import IN_PROCESS
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
 PLATE = {"mesh": {"box": {"size": [1000, 1000, 0.001], "cells": [3, 3, 1]}}}
@@ -53,3 +55,16 @@ def test_digits_that_are_left_out_are_forgiven():
     """A plane at a third of a length, written with six digits."""
     force, nodes = forces({"mesh": {"box": {"size": [100, 100, 100 / 3], "cells": [2, 2, 2]}}}, {"plane": "z", "at": 33.3333})
     assert force == pytest.approx([0, 0, -1e4]) and np.ptp(nodes[:, 2]) == 0
+
+
+def test_slender_bodies_go_a_million_times_as_far_as_the_first_stage_takes_them():
+    """Two strips a hundred times as long as they are high, one on the other: each carries half, q L⁴/(8 E I)."""
+    size, cells = [100, 10, 1], [12, 1, 1]
+    solution = solve(config_from({
+        "name": "strips", "parts": [boxed("low", size, cells), boxed("high", size, cells, at=[0, 0, 1])], "subdomains": "groups",
+        "materials": [{"young": 2e5, "poisson": 0.0}], "interfaces": [{"between": "auto", "law": "contact"}],
+        "boundary": [*({"on": f"{name}/xmin", "displacement": [0, 0, 0]} for name in ("low", "high")),
+                     {"on": "high/zmax", "traction": [0, 0, -0.001]}],
+        "blackbox": {**IN_PROCESS, "element": "P2"}, "method": {"tolerance": {"error": 1e-4}}, "output": {"figures": False}}))
+    assert solution.converged, solution.stop_reason
+    assert solution.summary["peak_displacement"]["value"] == pytest.approx(0.01 / 2 * 100**4 / (8 * 2e5 * 10 / 12), rel=0.01)

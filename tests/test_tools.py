@@ -55,6 +55,32 @@ def test_a_block_slides_off_an_incline_at_the_angle_of_friction(more, holds):
     assert (solution.stop_reason == "converged") == holds and bool(solution.summary["limit_load"]) != holds
 
 
+FLOOR = {"plane": {"at": [0, 0, 0], "normal": "z"}, "name": "floor"}
+SLAB = {"name": "slab", "mesh": {"box": {"size": [1, 1, 0.5], "cells": [3, 3, 1]}}, "move": {"translate": [0, 0, -0.5]}}
+
+
+@pytest.mark.parametrize("under, element", [(FLOOR, "P1"), (FLOOR, "P2"), (SLAB, "P1")], ids=["plane", "plane, six-node faces", "meshed apart"])
+@pytest.mark.parametrize("sides, across", [(("xmax",), 0.0), (("xmin", "xmax"), 5.0)], ids=["one side", "both sides, pushed across"])
+def test_nodes_that_are_dragged_by_supports_rub(under, element, sides, across):
+    """Sides that supports drag end on the floor: μ N in all, against the way. What pushes across the way is carried by the part of
+    friction that points there, tan = 5/√(20² − 5²)."""
+    meshed = under is SLAB
+    on = {"box": {"size": [1, 1, 0.4], "cells": [2, 2, 1]}}
+    parts = [{"name": "block", "mesh": on}, *([SLAB] if meshed else [])]
+    held = [{"on": "slab/zmin", "displacement": [0, 0, 0]}, {"on": "slab/xmax", "displacement": [0, None, None]}] if meshed else []
+    solution = solved({
+        "name": "dragged", "parts": parts, "subdomains": "groups", "materials": [{"young": 2e5, "poisson": 0.0}],
+        "boundary": [{"on": "block/zmax", "traction": [0, across, -100]}, *held,
+                     *({"on": f"block/{side}", "displacement": [0.01, None, None]} for side in sides)],
+        "interfaces": [{"between": "auto" if meshed else ["block", under], "law": "contact", "friction": 0.2}],
+        "blackbox": {**IN_PROCESS, "element": element}, "method": {"tolerance": {"error": 1e-6}}, "output": {"figures": False}})
+    pulled = sum(solution.reactions[k, 0, 0] for k, name in enumerate(solution.summary["reaction_names"]) if name.startswith("block"))
+    assert pulled == pytest.approx(np.sqrt(20**2 - across**2), rel=1e-4)
+    if across and not meshed:
+        moved = solution.parts[0][0]
+        assert moved[:, 1].mean() == pytest.approx(0.01 * across / np.sqrt(20**2 - across**2), rel=5e-3)
+
+
 WRONG = {
     "an unknown shape": ({"torus": {"radius": 1.0}}, {}, "unknown key 'torus'"),
     "two shapes": (BALL | PLANE, {}, "sphere and plane together"),

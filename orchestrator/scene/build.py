@@ -169,7 +169,7 @@ def supported(steps: int, whole: Joined, problems: Problems) -> Held:
 def freed(config: Config, whole: Joined, held: Held, problems: Problems) -> Joined:
     """Take out of the interfaces what is prescribed on both sides."""
     mesh, cut = whole.cut.body.mesh, whole.cut
-    interfaces = leave_free(mesh, whole.interfaces, cut.partition, cut.numbering, held.fixed,
+    interfaces = leave_free(mesh, whole.interfaces, cut.partition, cut.numbering, held,
                             config.interfaces, problems)
     bolts = straighten(mesh, interfaces, whole.bolts, problems)
     within_free([i for _, i in whole.grounds], held, problems)

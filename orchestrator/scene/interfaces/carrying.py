@@ -24,6 +24,7 @@ import numpy as np
 
 from orchestrator.errors import LITTLE, Problems
 from orchestrator.linalg import WRITTEN
+from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH
@@ -37,17 +38,17 @@ Face = tuple[str, str, int]  # names of slave and master, and which of their smo
 
 
 
-def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering,
+def give_operators(interfaces: list[Interface], held: Held, numbering: SplitNumbering,
                    bodies: list[str],
                    problems: Problems) -> None:
     """Makes the operators of all interfaces whose nodes do not match, once it is known what is
     prescribed; corners of pieces
     leave the list.
 
-    fixed : (N, 3) bool, prescribed components of split nodes
+    held : what is prescribed
     bodies : name of the body of each subdomain
     """
-    waiting = [i for i in interfaces if i.surfaces is not None]
+    waiting, fixed = [i for i in interfaces if i.surfaces is not None], held.fixed
     if not waiting:
         return
     group = _faces(waiting, [tuple(bodies[e] for e in i.subdomains) for i in waiting])
@@ -84,13 +85,36 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.mortar = i.moving.first()
         else:
             i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one,
-                                   vectors[group[number]][nodes], spread=i.law.rigidity < np.inf)
+                                   vectors[group[number]][nodes],
+                                   _held(i, held, numbering), i.law.rigidity < np.inf)
             if i.law.perfect and i.triangles.shape[1] == 6:
                 i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:
         i.surfaces = None
+
+
+def dragged(interface: Interface, known: np.ndarray, normal: np.ndarray,
+            jump: np.ndarray) -> np.ndarray:
+    """Return (n, 3) bool, components across the normal in which sides with friction are prescribed
+    to slide over each other: it acts on the supports, against where the nodes go.
+
+    known : (n, 3) bool, prescribed on both sides; jump : (T, n, 3) of what is prescribed
+    """
+    far = np.abs(jump).max(axis=0)
+    slides = known & (np.abs(normal) <= WRITTEN) & (far > WRITTEN * far.max(initial=0.0))
+    return slides & ~known.all(axis=1, keepdims=True) & interface.law.slips
+
+
+def _held(i: Interface, held: Held, numbering: SplitNumbering) -> np.ndarray:
+    """(n₁, 3) bool, components of the slave's nodes that no law answers for."""
+    one, two = numbering.sides(i)
+    weights, values = i.surfaces.weights, held.values
+    known = i.surfaces.held(weights, (held.fixed[one], held.fixed[two]))
+    jump = np.stack([weights.other @ there - weights.own @ here
+                     for here, there in zip(values[:, one], values[:, two])])
+    return known & ~dragged(i, known, unit(i.surfaces.vectors), jump)
 
 
 def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> list[Face]:

@@ -14,34 +14,35 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.linalg import WRITTEN
-from orchestrator.scene.interfaces.carrying import give_operators
+from orchestrator.scene.interfaces.carrying import dragged, give_operators
 from orchestrator.scene.interfaces.mortar.moving import paired_mortar
 from orchestrator.scene.interfaces.governing import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_vectors, unit
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import PlacedBolt
 from orchestrator.scene.bolts import BoltCut
+from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.partition import Partition
 
 
 def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numbering: SplitNumbering,
-               fixed: np.ndarray,
-               entries: list[Any], problems: Problems) -> list[Interface]:
+               held: Held, entries: list[Any], problems: Problems) -> list[Interface]:
     """The interfaces on which something is to be found, numbered, with ``free`` and the normals of
     whole bodies.
 
     Patches on which everything is prescribed on both sides are left out.
 
     found : all interfaces
-    fixed : (N, 3) bool, prescribed components of split nodes
+    held : what is prescribed
     entries : of ``interfaces:`` in the YAML
     """
     kept: list[Interface] = []
-    bodies = [partition.body(i) for i in range(len(partition.names))]
-    give_operators(found, fixed, numbering, bodies, problems)
+    bodies, fixed = [partition.body(i) for i in range(len(partition.names))], held.fixed
+    give_operators(found, held, numbering, bodies, problems)
     for interface in found:
         if interface.mortar is not None:
             if not len(interface.mortar):
@@ -77,13 +78,26 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
             if interface.tool is None:  # which has normals of its own
                 _curve(interface, points)
-            if interface.amid:
-                held = tuple(fixed[own] for own in numbering.sides(interface))
+            own = numbering.sides(interface)
+            one, two = (fixed[side] for side in own)
+            slides = dragged(interface, one & two, _normals(interface, points),
+                             held.values[:, own[1]] - held.values[:, own[0]])
+            if not interface.amid:
+                interface.free |= slides
+            else:
                 apart = np.broadcast_to(interface.law.distance, len(points))
                 interface.mortar = paired_mortar(points, interface.triangles, interface.cells,
-                                                 interface.normals, apart, held)
-                interface.free = ~held[0]
+                                                 interface.normals, apart, (one & ~slides, two))
+                interface.free = ~one
     return kept
+
+
+def _normals(interface: Interface, points: np.ndarray) -> np.ndarray:
+    """(n, 3) of the interface at points (n, 3)."""
+    if interface.normals is not None:
+        return interface.normals
+    shares = LUMPED_SHARES[interface.triangles.shape[1]]
+    return unit(node_vectors(points, interface.triangles, shares))
 
 
 def _curve(interface: Interface, points: np.ndarray) -> None:

@@ -204,7 +204,7 @@ def _beyond_reach(parts: Parts, laws: Laws, pair: tuple[int, int], seen: Near, i
     within = (
         f"{reach:g}" if reach is not None
         else f"{laws.tolerance(index):g} of the element size, from surface to surface")
-    wider = (f"write within: {FARTHER * seen.distance:.2g}" if laws[index].kind.name == "contact"
+    wider = (f"write within: {FARTHER * seen.distance:.2g}" if hasattr(laws[index], "within")
              else "raise tolerance")
     problems.add(("interfaces", index),
                  f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} "

@@ -190,7 +190,7 @@ def _report_unused(parts: Parts, laws: Laws, pairs: list[tuple[str, str]],
             cure = (
                 "interfaces exist between " + some([" | ".join(b) for b in beside], 6)
                 if pairs
-                else "write between: auto, which reaches over small gaps, or for contact gap: geometry"
+                else "write between: auto, which reaches over small gaps, or gap: geometry"
             )
         problems.add(("interfaces", i, where), found,
                      "names of two parts that share faces, or whose faces lie on each other; "

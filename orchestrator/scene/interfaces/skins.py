@@ -248,7 +248,8 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         own = np.unique(patch[:, None] * (corners.max() + 1) + corners, return_inverse=True)[1]
         own = own.reshape(corners.shape)
         turns = spread(normal, own, own.max() + 1)[own].reshape(-1, 3)
-        round_ = held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0) & (np.abs(unit(total)) <= turns)
+        turned = np.abs(unit(total)) <= turns
+        round_ = held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0) & turned
         inside = np.where(round_, 0.0, total)
         planes = ~held.all(axis=2).reshape(-1, 1) & inside.any(axis=1, keepdims=True)
         total = np.where(planes, inside, total)

@@ -58,7 +58,7 @@ class Springs(Ground):
             across = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
             directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
         stiffness = np.repeat(self.stiffness[:, None], count, axis=1)
-        stiffness = np.where(np.isfinite(stiffness), stiffness * _springs(triangles, count),
+        stiffness = np.where(np.isfinite(stiffness), stiffness * _spring_shares(triangles, count),
                              stiffness)
         return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), stiffness,
                                   np.repeat(row[:, None], count, axis=1), normal.T)
@@ -70,7 +70,7 @@ class Springs(Ground):
             axis=(0, 2))
 
 
-def _springs(triangles: np.ndarray, count: int) -> np.ndarray:
+def _spring_shares(triangles: np.ndarray, count: int) -> np.ndarray:
     """Return (count,) what springs at nodes of faces (k, 3 or 6) have of the area that laws act on:
     an even pressure on a six-node face is one of the middles of its edges.
     """
