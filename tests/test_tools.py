@@ -81,6 +81,15 @@ def test_nodes_that_are_dragged_by_supports_rub(under, element, sides, across):
         assert moved[:, 1].mean() == pytest.approx(0.01 * across / np.sqrt(20**2 - across**2), rel=5e-3)
 
 
+def test_a_tool_is_pulled_along_the_part_as_far_as_friction_holds():
+    """Nothing else holds it that way: without friction it is refused."""
+    belt = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}, "displacement": [None, 0, -0.001], "force": [0.05, 0, 0]}
+    solution = solved(block(belt, friction=0.2))
+    assert solution.reactions[1, 0, 0] == pytest.approx(0.05, rel=1e-4)
+    with pytest.raises(InputError, match="nothing holds it"):
+        build_scene(config_from(block(belt)))
+
+
 WRONG = {
     "an unknown shape": ({"torus": {"radius": 1.0}}, {}, "unknown key 'torus'"),
     "two shapes": (BALL | PLANE, {}, "sphere and plane together"),

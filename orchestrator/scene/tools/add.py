@@ -20,6 +20,7 @@ import numpy as np
 from orchestrator.config.boundary import Entry
 from orchestrator.config.tools import PLACE, Tool
 from orchestrator.errors import KeyPath, Problems
+from orchestrator.linalg import WRITTEN
 from orchestrator.scene.body import Divided
 from orchestrator.scene.conditions.ground import add_layers, Layer
 from orchestrator.scene.conditions.selection import volumes_named
@@ -77,7 +78,8 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
             own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes), rigid, entry, path,
                                 problems)
             found.append(Pressed(rigid, i, entry, own))
-            if len(own) and pulled_away(mesh.nodes[np.unique(faces.triangles[own])], rigid):
+            rubs = entry.kind.slips and bool(entry.friction)
+            if len(own) and pulled_away(mesh.nodes[np.unique(faces.triangles[own])], rigid, rubs):
                 problems.add((*path, "between", 1, "force"),
                              f"a force that draws {name} away from the part, along which nothing "
                              "holds it",
@@ -213,9 +215,13 @@ def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyP
                  cure)
 
 
-def pulled_away(points: np.ndarray, tool: Rigid) -> bool:
-    """Whether at some load step a force, with no moment, leads away from all nodes (n, 3)."""
+def pulled_away(points: np.ndarray, tool: Rigid, rubs: bool) -> bool:
+    """Whether at some load step a force, with no moment, leads away from all nodes (n, 3), or along
+    them where nothing ``rubs``.
+    """
     force, turning = tool.driven.loads[:, :3], np.delete(tool.driven.prescribed, range(3))
     if not force.any() or not turning.all():
         return False
-    return bool((tool.gaps(points)[1] @ force.T >= 0).all(axis=0)[force.any(axis=1)].any())
+    along, least = tool.gaps(points)[1] @ force.T, WRITTEN * np.linalg.norm(force, axis=1)
+    away = (along >= -least).all(axis=0) & ~(rubs & (along <= least).all(axis=0))
+    return bool(away[force.any(axis=1)].any())
