@@ -127,7 +127,7 @@ MODES = Wanted(least=12, accurate=0.005, largest=640)
 
 
 @kept_by(lambda scene, blackbox: [blackbox, scene.stand_ins, [
-    (i.subdomains, i.law.joins) for i in scene.interfaces]])
+    (i.subdomains, i.law.perfect) for i in scene.interfaces]])
 def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.ndarray], float]:
     """Soft modes of bodies that have softer fields than affine ones.
 
@@ -141,7 +141,7 @@ def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.nda
     space, of = blackbox.direction.space, blackbox.owned
     bodies = BesideAffine(scene, blackbox, np.ones(space.size))
     known, ends = bodies.ends(bodies.bent(), STEPS)
-    parts = np.array([e for i in scene.interfaces if not i.law.joins for e in i.subdomains],
+    parts = np.array([e for i in scene.interfaces if not i.law.perfect for e in i.subdomains],
                      dtype=int)
     wanted = np.zeros(len(scene.subdomains), dtype=bool)
     wanted[np.array(space.subdomains, dtype=int)[of.subdomains[known][ends[:, 0] < FOUND]]] = True
