@@ -57,8 +57,8 @@ def test_digits_that_are_left_out_are_forgiven():
     assert force == pytest.approx([0, 0, -1e4]) and np.ptp(nodes[:, 2]) == 0
 
 
-@pytest.mark.parametrize("law, inertia", [({"law": "contact"}, 2 * 10 / 12), ({"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4}, 8 * 10 / 12)],
-                         ids=["loose", "glued"])
+@pytest.mark.parametrize("law, inertia", [
+    ({"law": "contact"}, 2 * 10 / 12), ({"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4}, 8 * 10 / 12)], ids=["loose", "glued"])
 def test_slender_bodies_bend_as_far_as_they_have_to(law, inertia):
     """Two strips a hundred times as long as they are high, one on the other, go a million times as far as the first stage takes them;
     q L⁴/(8 E I), each by itself or both as one."""
