@@ -119,13 +119,13 @@ def interfaces(fields: Fields, s: View) -> Picture | None:
 
 
 def shown_steps(fields: Fields, s: View) -> list[int]:
-    """Return the load step of the peak stress, and where interfaces may open the first, the middle
-    and the last one too.
+    """Return the load step of the peak stress, and where interfaces may open the first, that of the
+    largest displacement and the last one too.
     """
-    most = s.peak_stress.get("load_step") or 1 + np.abs(fields.displacement).max(
-        axis=(1, 2)).argmax()
-    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(int)
-    return sorted({int(most) - 1, *map(int, others)})
+    farthest = int(np.linalg.norm(fields.displacement, axis=2).max(axis=1).argmax())
+    most = s.peak_stress.get("load_step") or 1 + farthest
+    others = [] if fields.interfaces is None else [0, farthest, fields.steps - 1]
+    return sorted({int(most) - 1, *others})
 
 
 def headings(fields: Fields, steps: Sequence[int]) -> list[str]:
