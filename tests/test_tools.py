@@ -81,6 +81,19 @@ def test_nodes_that_are_dragged_by_supports_rub(under, element, sides, across):
         assert moved[:, 1].mean() == pytest.approx(0.01 * across / np.sqrt(20**2 - across**2), rel=5e-3)
 
 
+def test_supports_that_rest_leave_friction_undetermined():
+    """And that is told, with the load steps."""
+    tool = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}}
+    data = block(tool, friction=0.2)
+    data["histories"] = {"go": [0, 1, 2, 2]}
+    data["boundary"] = [HELD, {"on": "xmax", "displacement": [0.01, None, None], "history": "go"}]
+    data["boundary"][0] = {"on": "zmin", "displacement": [None, None, 0.001]}
+    (told,) = [text for text in build_scene(config_from(data)).warnings if "rest at load step" in text]
+    assert "at load step 1, 4:" in told and "5 nodes" in told
+    data["histories"] = {"go": [1, 2, 3, 2]}
+    assert not [text for text in build_scene(config_from(data)).warnings if "rest at load step" in text]
+
+
 def test_a_tool_is_pulled_along_the_part_as_far_as_friction_holds():
     """Nothing else holds it that way: without friction it is refused."""
     belt = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}, "displacement": [None, 0, -0.001], "force": [0.05, 0, 0]}

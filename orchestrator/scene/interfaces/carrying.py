@@ -22,7 +22,7 @@ from itertools import combinations
 
 import numpy as np
 
-from orchestrator.errors import LITTLE, Problems
+from orchestrator.errors import LITTLE, Problems, some
 from orchestrator.linalg import WRITTEN
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
@@ -86,7 +86,7 @@ def give_operators(interfaces: list[Interface], held: Held, numbering: SplitNumb
         else:
             i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one,
                                    vectors[group[number]][nodes],
-                                   _held(i, held, numbering), i.law.rigidity < np.inf)
+                                   _held(i, held, numbering, problems), i.law.rigidity < np.inf)
             if i.law.perfect and i.triangles.shape[1] == 6:
                 i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True
@@ -95,26 +95,39 @@ def give_operators(interfaces: list[Interface], held: Held, numbering: SplitNumb
         i.surfaces = None
 
 
-def dragged(interface: Interface, known: np.ndarray, normal: np.ndarray,
-            jump: np.ndarray) -> np.ndarray:
+def dragged(interface: Interface, known: np.ndarray, normal: np.ndarray, jump: np.ndarray,
+            problems: Problems) -> np.ndarray:
     """Return (n, 3) bool, components across the normal in which sides with friction are prescribed
-    to slide over each other: it acts on the supports, against where the nodes go.
+    to slide over each other: it acts on the supports, against where the nodes go. Warns of load
+    steps in which these rest.
 
     known : (n, 3) bool, prescribed on both sides; jump : (T, n, 3) of what is prescribed
     """
     far = np.abs(jump).max(axis=0)
-    slides = known & (np.abs(normal) <= WRITTEN) & (far > WRITTEN * far.max(initial=0.0))
-    return slides & ~known.all(axis=1, keepdims=True) & interface.law.slips
+    least = WRITTEN * far.max(initial=0.0)
+    slides = known & (np.abs(normal) <= WRITTEN) & (far > least)
+    slides &= ~known.all(axis=1, keepdims=True) & interface.law.slips
+    ways = np.abs(np.diff(jump, axis=0, prepend=0.0)) > least
+    rests = 1 + np.flatnonzero((slides & ~ways).any(axis=(1, 2)))
+    if len(rests):
+        problems.warnings.append(
+            f"{interface.name}: supports drag its sides over each other at "
+            f"{slides.any(axis=1).sum()} nodes, and rest at load step "
+            f"{some([str(step) for step in rests])}: the friction that these nodes keep then is "
+            "not determined, and what supports carry is known but for friction times their "
+            "pressure; drag the part by a coupling, or by a face that ends before the other part")
+    return slides
 
 
-def _held(i: Interface, held: Held, numbering: SplitNumbering) -> np.ndarray:
+def _held(i: Interface, held: Held, numbering: SplitNumbering,
+          problems: Problems) -> np.ndarray:
     """(n₁, 3) bool, components of the slave's nodes that no law answers for."""
     one, two = numbering.sides(i)
     weights, values = i.surfaces.weights, held.values
     known = i.surfaces.held(weights, (held.fixed[one], held.fixed[two]))
     jump = np.stack([weights.other @ there - weights.own @ here
                      for here, there in zip(values[:, one], values[:, two])])
-    return known & ~dragged(i, known, unit(i.surfaces.vectors), jump)
+    return known & ~dragged(i, known, unit(i.surfaces.vectors), jump, problems)
 
 
 def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> list[Face]:

@@ -81,7 +81,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             own = numbering.sides(interface)
             one, two = (fixed[side] for side in own)
             slides = dragged(interface, one & two, _normals(interface, points),
-                             held.values[:, own[1]] - held.values[:, own[0]])
+                             held.values[:, own[1]] - held.values[:, own[0]], problems)
             if not interface.amid:
                 interface.free |= slides
             else:
