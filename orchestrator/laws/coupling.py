@@ -39,7 +39,7 @@ class CouplingLaw(GroundLaw):
     prescribed : (6,) bool
     given : (6,) amounts of the motions that are prescribed, force and moment of the others
     rigid : whether the surface moves as a rigid body, or so in the mean
-    forces : (6, 3, n) W, what tractions R amount to at each node
+    forces : (6, 3, n) W, what tractions R amount to at each node; of no use where it is rigid
     """
 
     motions: np.ndarray

@@ -120,13 +120,17 @@ def dragged(interface: Interface, known: np.ndarray, normal: np.ndarray, jump: n
 
 
 def _held(i: Interface, held: Held, numbering: SplitNumbering,
-          problems: Problems) -> np.ndarray:
-    """(n₁, 3) bool, components of the slave's nodes that no law answers for."""
+          problems: Problems) -> np.ndarray | None:
+    """(n₁, 3) bool, components of the slave's nodes that no law answers for; None where nothing is
+    dragged: as ``Surfaces.held`` has it.
+    """
     one, two = numbering.sides(i)
-    weights, values = i.surfaces.weights, held.values
+    here, there = held.values[:, one], held.values[:, two]
+    if not (i.law.slips and (here.any() or there.any())):
+        return None
+    weights = i.surfaces.weights
     known = i.surfaces.held(weights, (held.fixed[one], held.fixed[two]))
-    jump = np.stack([weights.other @ there - weights.own @ here
-                     for here, there in zip(values[:, one], values[:, two])])
+    jump = np.stack([weights.other @ b - weights.own @ a for a, b in zip(here, there)])
     return known & ~dragged(i, known, unit(i.surfaces.vectors), jump, problems)
 
 

@@ -19,9 +19,9 @@ from orchestrator.scene.interfaces.mortar.moving import paired_mortar
 from orchestrator.scene.interfaces.governing import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_vectors, unit
+from orchestrator.scene.mesh.geometry import (
+    area_vectors, format_point, node_normals, node_vectors, unit)
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
-from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import PlacedBolt
 from orchestrator.scene.bolts import BoltCut
@@ -75,29 +75,32 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     _share_normals(mesh, numbering, kept, bodies)
     for interface in kept:
         if interface.matching and not interface.law.perfect:
-            points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
-            if interface.tool is None:  # which has normals of its own
-                _curve(interface, points)
-            own = numbering.sides(interface)
-            one, two = (fixed[side] for side in own)
-            slides = dragged(interface, one & two, _normals(interface, points),
-                             held.values[:, own[1]] - held.values[:, own[0]], problems)
-            if not interface.amid:
-                interface.free |= slides
-            else:
-                apart = np.broadcast_to(interface.law.distance, len(points))
-                interface.mortar = paired_mortar(points, interface.triangles, interface.cells,
-                                                 interface.normals, apart, (one & ~slides, two))
-                interface.free = ~one
+            _give_points(interface, mesh, numbering, held, problems)
     return kept
 
 
-def _normals(interface: Interface, points: np.ndarray) -> np.ndarray:
-    """(n, 3) of the interface at points (n, 3)."""
-    if interface.normals is not None:
-        return interface.normals
-    shares = LUMPED_SHARES[interface.triangles.shape[1]]
-    return unit(node_vectors(points, interface.triangles, shares))
+def _give_points(interface: Interface, mesh: Mesh, numbering: SplitNumbering, held: Held,
+                 problems: Problems) -> None:
+    """Give an interface whose nodes are paired its normals, what is free, and its points where
+    these are middles of edges.
+    """
+    own = numbering.sides(interface)
+    points = sum(mesh.nodes[numbering.nodes[side]] for side in own) / 2
+    if interface.tool is None:  # which has normals of its own
+        _curve(interface, points)
+    normals = interface.normals
+    if normals is None:
+        normals = node_normals(points, interface.triangles)
+    one, two = (held.fixed[side] for side in own)
+    slides = dragged(interface, one & two, normals,
+                     held.values[:, own[1]] - held.values[:, own[0]], problems)
+    if not interface.amid:
+        interface.free |= slides
+        return
+    interface.mortar = paired_mortar(
+        points, interface.triangles, interface.cells, interface.normals,
+        np.broadcast_to(interface.law.distance, len(points)), (one & ~slides, two))
+    interface.free = ~one
 
 
 def _curve(interface: Interface, points: np.ndarray) -> None:

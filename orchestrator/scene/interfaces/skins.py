@@ -241,16 +241,15 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         same = np.einsum("mi,mi->m", normal[i], normal[j]) > _least(face[i], face[j])
         mine, theirs = mine[same], theirs[same]
         total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
-    if held is not None:  # a facet and its mirror image in one face have nothing across together
+    # a facet and its mirror image in one face have nothing across together
+    if held is not None and held.any():
         smooth = 1 - 2 * normal**2 > _least(face, face)[:, None]
         # a plane that meets its mirror image at an angle makes an edge, not a round face
         patch = smooth_patches(corners, normal, face)
         own = np.unique(patch[:, None] * (corners.max() + 1) + corners, return_inverse=True)[1]
-        own = own.reshape(corners.shape)
-        turns = spread(normal, own, own.max() + 1)[own].reshape(-1, 3)
+        turns = spread(normal, own.reshape(corners.shape), own.max() + 1)[own.ravel()]
         turned = np.abs(unit(total)) <= turns
-        round_ = held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0) & turned
-        inside = np.where(round_, 0.0, total)
+        inside = np.where(held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0) & turned, 0.0, total)
         planes = ~held.all(axis=2).reshape(-1, 1) & inside.any(axis=1, keepdims=True)
         total = np.where(planes, inside, total)
     return unit(total).reshape(*corners.shape, 3)

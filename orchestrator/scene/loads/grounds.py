@@ -57,9 +57,8 @@ class Springs(Ground):
         if self.upright:
             across = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
             directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
-        stiffness = np.repeat(self.stiffness[:, None], count, axis=1)
-        stiffness = np.where(np.isfinite(stiffness), stiffness * _spring_shares(triangles, count),
-                             stiffness)
+        each = self.stiffness[:, None]
+        stiffness = each * np.where(np.isfinite(each), _spring_shares(triangles, count), 1.0)
         return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), stiffness,
                                   np.repeat(row[:, None], count, axis=1), normal.T)
                 for row in self.given]
@@ -74,8 +73,7 @@ def _spring_shares(triangles: np.ndarray, count: int) -> np.ndarray:
     """Return (count,) what springs at nodes of faces (k, 3 or 6) have of the area that laws act on:
     an even pressure on a six-node face is one of the middles of its edges.
     """
-    result = np.zeros(count)
-    size = triangles.shape[1]
+    result, size = np.zeros(count), triangles.shape[1]
     result[triangles] = TRIANGLE_SHARES[size] / LUMPED_SHARES[size]
     return result
 
@@ -156,8 +154,8 @@ class Followed(Ground):
         # forces of tractions that vary linearly, ∫ φ R over the faces
         each = np.einsum("k,ab,jckb->kajc", area, TRIANGLE_MOMENTS[triangles.shape[1]],
                          motions[:, :, triangles[:, :3]])
-        forces = summed(triangles, each.reshape(*triangles.shape, -1), len(points))
-        forces = np.ascontiguousarray(forces.T).reshape(motions.shape)
+        forces = np.ascontiguousarray(summed(
+            triangles, each.reshape(*triangles.shape, -1), len(points)).T).reshape(motions.shape)
         prescribed = np.array([x is not None for x in amounts])
         given = np.where(prescribed, [x or 0.0 for x in amounts], [*c.force, *c.moment])
         return [GROUND["coupling"](motions, prescribed, factor * given, c.kind == "rigid",
